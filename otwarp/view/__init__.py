@@ -9,7 +9,7 @@ Open `show` first, then `page`.
 | `show` | `show_runs`, `show_study`, `edit_scene`: what `otwarp view` and `otwarp edit` do |
 | `serve` | a guarded server, its address, its end |
 | `source` | `Source`: moments of one world, whatever they come from |
-| `recorded`, `trial` | a recorded run as a source, mapped from disk; a trial of a study, run again |
+| `recorded`, `session`, `trial` | as sources: a run, mapped from disk; a session; a trial of a study, run again |
 | `study_map`, `study_tab` | a study's results as a grid that is clicked on; trials run again, in a thread |
 | `page`, `controls` | the page's one thread; its buttons and keys |
 | `playback` | the clock: which moment is shown |

@@ -133,7 +133,9 @@ class Controls:
             self._scene,
             "content",
             f'<div style="padding:2px 12px 6px;font-size:13px;font-variant-numeric:tabular-nums">{text}</div>'
-            + overlay("cursor", share=(playback.time - playback.first) / span),
+            + overlay(
+                "cursor", share=(playback.time - playback.first) / span, first=playback.first, last=playback.last
+            ),
         )
         _assign(self._over, "content", overlay("legend", self._page.legend() if self._legend_on else ""))
 

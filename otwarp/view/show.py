@@ -10,14 +10,19 @@ from otwarp.scene.write.edit import StageEditor
 from otwarp.studies.rerun import stored_study
 from otwarp.studies.store import open_store
 from otwarp.teleop.page.front import DRAGS
+from otwarp.teleop.recording.frames import is_session
 from otwarp.view.controls import KEYS
 from otwarp.view.edit_page import KEYS as EDIT_KEYS
 from otwarp.view.edit_page import EditPage
 from otwarp.view.page import ViewPage
 from otwarp.view.recorded import RecordedRun
 from otwarp.view.serve import ServeOptions, served
+from otwarp.view.session import SessionSource
 from otwarp.view.study_tab import StudyTab
 from otwarp.view.theme import THEMES
+
+SEEK = (*DRAGS, ("click in a plot", "go to that time"))
+"""What the mouse does on a page of recordings."""
 
 
 def show_runs(
@@ -25,6 +30,7 @@ def show_runs(
     options: ServeOptions,
     *,
     world: int = 0,
+    scene: Path | None = None,
     theme: str = "dark",
     say: Callable[[str], None] = print,
     stopped: Callable[[], bool] = lambda: False,
@@ -32,9 +38,10 @@ def show_runs(
     """Show one run, or compare two, until stopped.
 
     Args:
-        paths: Folders of runs, or their `run.usda` or `run.nc`.
+        paths: Folders of runs, or their `run.usda` or `run.nc`; or recordings of sessions.
         options: Where the page is served.
         world: Which world of them.
+        scene: Where the scene of a session is now; None for where it was.
         theme: `dark` or `light`.
         say: Gets the line with the page's address.
         stopped: Asked thirty times a second.
@@ -44,15 +51,24 @@ def show_runs(
     """
     if not 1 <= len(paths) <= 2:
         raise InputError(f"{len(paths)} runs; allowed: one, or two to compare")
-    runs = [RecordedRun(path, world) for path in paths]
+    runs = [_opened(path, world, scene) for path in paths]
     if len({run.title for run in runs}) < len(runs):
         for n, run in enumerate(runs, start=1):
             run.title = f"{run.title} ({n})"
     title = f"otwarp · {' and '.join(run.title for run in runs)}"
-    with served(options, title, KEYS, say) as server:
+    with served(options, title, KEYS, say, SEEK) as server:
         page = ViewPage(server, THEMES[theme])
         page.show(runs)
         page.run(stopped)
+
+
+def _opened(path: Path, world: int, scene: Path | None) -> RecordedRun | SessionSource:
+    """A run, or a session, whose file is known by its name."""
+    if not is_session(path):
+        return RecordedRun(path, world)
+    if world:
+        raise InputError(f"--world is {world}, but {path} is a session; allowed: 0, the only one")
+    return SessionSource(path, scene)
 
 
 def show_study(
@@ -77,7 +93,7 @@ def show_study(
     """
     store = open_store(folder)
     study = stored_study(store)
-    with served(options, f"otwarp · {folder.resolve().name}", KEYS, say) as server:
+    with served(options, f"otwarp · {folder.resolve().name}", KEYS, say, SEEK) as server:
         page = ViewPage(server, THEMES[theme])
         StudyTab(page, server, store, study)
         page.run(stopped)

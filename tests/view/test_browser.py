@@ -14,12 +14,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+import otwarp as ot
 from otwarp.teleop.page.compose import compose
 from otwarp.view import RecordedRun
 from otwarp.view.measure import hit
 from otwarp.view.sight import length_text
 from tests.teleop.page.browser import ARTIFACTS, browser, chromium, pixel
-from tests.view.runs import RATE
+from tests.view.runs import RATE, SCENE
+from tests.view.sessions import session
 
 pytest.importorskip("viser")
 
@@ -148,6 +150,29 @@ def measure(window: Any, drawing: Any, source: RecordedRun) -> None:
     assert said == pytest.approx(met[1] - met[0], abs=0.3)
     assert re.search(length_text(float(np.linalg.norm(said)))[:3].rstrip("."), result.inner_text())
     window.keyboard.press("m")
+
+
+def test_a_session_is_played_and_a_plot_clicked_on(tmp_path: Path):
+    pytest.importorskip("rosbags")
+    session(tmp_path / "take.mcap", ot.Scene.load(SCENE))
+    with browser() as engine, page_of("view", str(tmp_path / "take.mcap")) as url:
+        window, errors = opened(engine, url, WIDE)
+        assert window.title() == "otwarp · take.mcap"
+        plot = window.locator(".u-over").first
+        plot.wait_for(timeout=PATIENCE)
+        box = plot.bounding_box()
+        for wanted in (0.75, 0.25):
+            plot.click(position={"x": wanted * box["width"], "y": 40})
+            comes(window, lambda wanted=wanted: share(window) == pytest.approx(wanted, abs=0.01))
+        window.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + 40)
+        window.mouse.down()
+        window.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 40)
+        window.mouse.up()
+        comes(window, lambda: share(window) == pytest.approx(0.6, abs=0.01))
+        ARTIFACTS.mkdir(parents=True, exist_ok=True)
+        window.wait_for_timeout(500)
+        window.screenshot(path=ARTIFACTS / "view_session.png")
+        assert violations(window) == [] and errors == []
 
 
 def test_two_runs_are_compared_in_a_small_window(run: Path, other: Path):

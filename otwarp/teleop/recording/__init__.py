@@ -6,6 +6,7 @@ here blocks the loop: what the disk does not take in time is dropped, counted an
 
 file        the format: messages and force laws, written and read bit for bit
 scenery     what it says once, for other programs: the scene as markers, and what its JSON looks like
+frames      reads the moments of a recording, for those who look at it
 replay      runs the haptic chains of a recording again and compares their forces
 """
 

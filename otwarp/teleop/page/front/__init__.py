@@ -55,7 +55,8 @@ def overlay(name: str, content: str = "", **data: float) -> str:
     Args:
         name: `scale`, `legend`, `note` or `cursor`.
         content: HTML of it.
-        data: Numbers: `pixels` of a scale bar, `share` of the plots' width at which the cursor stands.
+        data: Numbers: `pixels` of a scale bar, `share` of the plots' width at which the cursor stands, `first` and
+            `last` time of the plots [s].
     """
     said = "".join(f' data-{key}="{value:.6g}"' for key, value in data.items())
     return f'<div data-otwarp="{html.escape(name)}"{said} hidden>{content}</div>'

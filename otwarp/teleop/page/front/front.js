@@ -91,13 +91,31 @@
   // a part of a map that the panel shows: its number goes into the field that it names, as if it were typed there
   document.addEventListener("click", (event) => {
     const cell = event.target instanceof Element ? event.target.closest("[data-otwarp-set]") : null;
-    if (cell === null) return;
+    if (cell !== null) type(cell.dataset.otwarpField, cell.dataset.otwarpSet);
+  });
+
+  /** Put text into the field of that name, as if it were typed there. */
+  function type(name, text) {
     for (const field of document.querySelectorAll("#root input")) {
-      if ((field.labels?.[0]?.textContent ?? field.getAttribute("aria-label")) !== cell.dataset.otwarpField) continue;
-      Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(field, cell.dataset.otwarpSet);
+      if ((field.labels?.[0]?.textContent ?? field.getAttribute("aria-label")) !== name) continue;
+      Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(field, text);
       field.dispatchEvent(new Event("input", { bubbles: true }));
     }
-  });
+  }
+
+  // a plot of a recording takes the cursor to where it is clicked on, or dragged over
+  function seek(event) {
+    const plot = event.target instanceof Element ? event.target.closest(".u-over") : null;
+    const cursor = document.querySelector('[data-otwarp="cursor"]');
+    if (plot === null || cursor === null || event.buttons !== 1) return;
+    const { left, width } = plot.getBoundingClientRect();
+    const share = Math.min(Math.max((event.clientX - left) / width, 0), 1);
+    const [first, last] = [Number(cursor.dataset.first), Number(cursor.dataset.last)];
+    type("Time [s]", (first + share * (last - first)).toFixed(6));
+  }
+
+  document.addEventListener("pointerdown", seek);
+  document.addEventListener("pointermove", seek);
 
   const beside = make("aside");
   const over = {};
