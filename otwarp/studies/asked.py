@@ -31,6 +31,7 @@ def asked_by(study: AnyStudy) -> dict[str, Any]:
     }
     return {
         "version": stores.VERSION,
+        "rules": stores.RULES,
         "scene": {"file": str(design.scene.file), "sha256": scene_digest(design.scene)},
         "axes": axes,
         "observables": [described(o) for o in study.observables],

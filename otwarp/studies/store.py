@@ -33,6 +33,13 @@ from otwarp.studies.differences import difference, short
 VERSION = 1
 """Of the layout of the folder."""
 
+RULES = 2
+"""Of what a study draws and how many trials its points get, where its file does not say so: raised when that changes.
+
+1, or nothing in the folder: normal scatter without bounds, a Sobol sequence for each name, contours by sequences.
+2: scatter within four deviations, one sequence for names that go together, contours by looks.
+"""
+
 
 def versions() -> dict[str, str]:
     """What must be alike for bits to be alike, on one kind of device."""
@@ -341,11 +348,15 @@ def _create_arrays(
 
 
 def check_same(store: Store, asked: Mapping[str, Any]) -> None:
-    """Refuse to go on with another study than the one that the folder holds.
+    """Refuse to go on with another study than the one that the folder holds, or one that was begun by other rules.
 
     Raises:
         InputError: They differ; the message says in what.
     """
+    begun = store.asked().get("rules", 1)
+    if begun != RULES:
+        raise InputError(f"{store.folder}: was begun by version {short(begun)} of the rules of studies, this otwarp "
+                         f"has version {RULES}; allowed: the otwarp that began it, or a new folder")  # fmt: skip
     there, here = (json.loads(json.dumps(said)) for said in (store.asked(), asked))
     for said in (there, here):  # where the scene lies does not matter, what it says does
         said.get("scene", {}).pop("file", None)

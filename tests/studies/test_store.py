@@ -30,7 +30,7 @@ from otwarp.studies.observables import trapped
 from otwarp.studies.rare.study import EscapeStudy
 from otwarp.studies.results import progress, table
 from otwarp.studies.stopping.rules import budget, trials
-from otwarp.studies.store import Store, open_store, versions
+from otwarp.studies.store import RULES, Store, open_store, versions
 from otwarp.studies.study import Study
 from tests.studies.scenes import bead_in_a_well
 
@@ -265,6 +265,23 @@ def test_another_version_is_refused_unless_it_is_allowed(scene, whole, tmp_path)
     older = {k: v for k, v in said["versions"].items() if k != "numpy"}
     (copied / "study.json").write_text(json.dumps(said | {"versions": older}))
     assert same(run_study(study_of(scene), copied, devices=["cpu"]), whole)
+
+
+@pytest.mark.parametrize("begun", [None, RULES - 1, RULES + 1])
+def test_a_study_that_was_begun_by_other_rules_is_refused(scene, tmp_path, capsys, begun):
+    """Older folders do not say theirs. One line with both versions and what to do, exit code 2; results can be read."""
+    file, out = tmp_path / "s.toml", tmp_path / "out"
+    file.write_text(f'scene = "{scene}"\n[stop]\ntrials = 8\n[[observable]]\nkind = "trapped"\nuntil = "4 ms"\n')
+    run_study(load_study(file), out, devices=["cpu"])
+    said = json.loads((out / "study.json").read_text())
+    assert said.pop("rules") == RULES
+    (out / "study.json").write_text(json.dumps(said | ({} if begun is None else {"rules": begun})))
+    (out / "done" / "000000").unlink()
+    assert main(["study", "run", str(file), "-o", str(out)]) == 2
+    error = capsys.readouterr().err
+    assert f"begun by version {begun or 1} of the rules of studies, this otwarp has version {RULES}; allowed:" in error
+    assert error.count("\n") == 1 and open_store(out).finished() == []
+    assert main(["study", "status", str(out)]) == 0
 
 
 def test_a_folder_keeps_the_texts_that_it_was_made_from(tmp_path):
