@@ -13,7 +13,7 @@ from otwarp.envs.kernels import control as kernels
 from otwarp.envs.kernels.control import StartData
 from otwarp.envs.kernels.judge import VerdictData
 from otwarp.envs.layout import Layout
-from otwarp.envs.places import episode_data, place_data, stepped_scene
+from otwarp.envs.places import episode_data, limited_scene, place_data, stepped_scene
 from otwarp.envs.rows import RowCopies
 from otwarp.envs.task import Task
 from otwarp.envs.variants import Variants
@@ -24,8 +24,6 @@ from otwarp.simulation.packing.arrays import device_array
 from otwarp.simulation.simulation import Simulation
 
 Autoreset = Literal["next", "same", "off"]
-JUMP = 0.1
-"""Longest way of a trap between two of its places within a period [µm]."""
 SEED = 0
 """Key of all random streams: what differs between environments and episodes is the number of the trial."""
 
@@ -66,11 +64,10 @@ class Batch:
         self.layout = Layout(task, self.scene)
         variants = Variants(task, self.scene)
         table = self._table(variants)
-        pieces, steps = self._division(table)
-        self.pieces, self.steps = pieces, pieces * steps
+        self.steps = self._steps(variants, table)
         self.sim = Simulation(
             self.scene, worlds=worlds, seed=SEED, device=self.device, time_step=1.0 / (task.rate * self.steps),
-            parameters=variants.rows(worlds), ends=(), readout=False,
+            parameters=variants.rows(worlds), ends=(), glides=self.layout.moves, readout=False,
         )  # fmt: skip
         model = self.sim.model
         self.episode = episode_data(self.layout, model)
@@ -82,9 +79,8 @@ class Batch:
         self.actions = wp.zeros((worlds, len(self.layout.acted)), dtype=wp.float32, device=self.device)
         self.verdict = self._verdict()
         self._judge, self._observe = self.layout.kernels()
-        self._piece = 0
         self._load()
-        self._turn = self.sim.capture(steps, before=self._before, after=self._after, pieces=pieces)
+        self._turn = self.sim.capture(self.steps, before=self._before, after=self._after)
 
     def _table(self, variants: Variants) -> Model:
         """The model that has a world for each variant; two where there is one, so that its rows are told apart."""
@@ -92,16 +88,14 @@ class Batch:
             self.scene, worlds=variants.count, device=self.device, parameters=variants.rows(variants.count)
         )
 
-    def _division(self, table: Model) -> tuple[int, int]:
-        """Pieces of a period, and time steps of a piece, no longer than the physics allows."""
-        task, step = self.task, table.time_step
+    def _steps(self, variants: Variants, table: Model) -> int:
+        """Time steps of a period, no longer than the physics allows."""
+        task, values = self.task, variants.rows(variants.count)
+        scene = limited_scene(task, self.scene) if self.layout.moves else self.scene
         if task.action != "velocity":
-            strongest = {"trap_power": np.full(len(self.scene.traps), task.power[1])}
-            step = min(step, Model.build(self.scene, device=self.device, parameters=strongest).time_step)
-        period = 1.0 / task.rate
-        moves = bool(np.any(self.layout.axis >= 0))
-        pieces = max(1, math.ceil(task.speed_limit * period / JUMP - 1e-9)) if moves else 1
-        return pieces, max(1, math.ceil(period / (pieces * step) - 1e-9))
+            values["trap_power"] = np.full(len(scene.traps), task.power[1])
+        hardest = Model.build(scene, worlds=variants.count, device=self.device, parameters=values)
+        return max(1, math.ceil(1.0 / (task.rate * min(table.time_step, hardest.time_step)) - 1e-9))
 
     def _take_traps(self) -> None:
         """Let commands differ from world to world; traps of hands follow nothing but them."""
@@ -169,26 +163,20 @@ class Batch:
         self._launch(kernels.begin, start, sim.control.data(), sim.state.data(), self._worlds, int(hold), episode)
 
     def _before(self) -> None:
-        """What comes before each piece of a period; at first worlds start anew, and actions are taken in."""
+        """What comes before the steps of a period: worlds start anew, and actions are taken in."""
         sim, episode = self.sim, self.episode
-        if self._piece == 0:
-            if self.autoreset == "next":
-                self._launch(kernels.flag_ended, self._worlds, episode)
-                self._begin(hold=True)
-            self._launch(
-                kernels.take, self.actions, self._hands, self.place, self._worlds, sim.control.data(),
-                sim.state.data(), episode,
-            )  # fmt: skip
-        self._piece = (self._piece + 1) % self.pieces
-        span = 1.0 / (self.task.rate * self.pieces)
-        shape = self.worlds, len(self.scene.traps)
-        self._launch(kernels.move, self._hands, self.place, span, self._worlds, sim.control.data(), episode, dim=shape)
+        if self.autoreset == "next":
+            self._launch(kernels.flag_ended, self._worlds, episode)
+            self._begin(hold=True)
+        control, state, step = sim.control.data(), sim.state.data(), wp.float64(sim.time_step)
+        self._launch(kernels.take, self.actions, self._hands, self.place, step, self._worlds, control, state, episode)
 
     def _after(self) -> None:
         """What comes after a period: its verdict, and in the mode `same` worlds that start anew."""
         sim, episode, out = self.sim, self.episode, self.verdict
-        shape = self.worlds, len(self.scene.traps)
-        self._launch(kernels.settle, sim.control.data(), episode, dim=shape)
+        if self.layout.moves:
+            shape = self.worlds, len(self.scene.traps)
+            self._launch(kernels.settle, sim.control.data(), episode, dim=shape)
         same = self.autoreset == "same"
         state, readout = sim.state.data(), sim.last_readout.data()
         self._launch(self._judge, state, readout, self.place, self._worlds, self._numbers, int(same), episode, out)

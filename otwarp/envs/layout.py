@@ -73,6 +73,11 @@ class Layout:
         if task.choices and any(len(row) != width for row in task.choices):
             raise InputError(f"choices of task {task.name} have rows of another length; allowed: {width} numbers each")
 
+    @property
+    def moves(self) -> bool:
+        """Whether actions move traps."""
+        return bool(np.any(self.axis >= 0))
+
     def _add_hand(self, n: int, traps: list[int]) -> None:
         """Append the numbers of a hand."""
         task, hand = self.task, self.task.hands[n]

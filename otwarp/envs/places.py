@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -11,24 +12,35 @@ import warp as wp
 from otwarp.envs.kernels.types import EpisodeData, PlaceData
 from otwarp.envs.layout import Layout
 from otwarp.envs.task import Task
-from otwarp.scene import Scene, Track
+from otwarp.scene import Scene, Track, Trap
 from otwarp.simulation.model import Model
 from otwarp.simulation.packing.arrays import device_array
 from otwarp.simulation.packing.bodies import pack_obstacles
 
 
 def stepped_scene(task: Task, scene: Scene) -> Scene:
-    """The scene with the traps of hands at rest where they start: actions move them, not time samples."""
+    """The scene with the traps of hands at rest where they start: actions move them, not time samples.
+
+    They have no speed limit where hands are no faster than it: a limit that is never met costs as much as one that is.
+    """
+    return replace(scene, traps=tuple(_led(task, trap) for trap in scene.traps), judged=True)
+
+
+def limited_scene(task: Task, scene: Scene) -> Scene:
+    """The same with traps that are as fast as hands are, which the time step follows from."""
     held = {prim for hand in task.hands for prim in hand.traps}
-    still = [
-        replace(
-            trap, position=Track.constant(trap.position.at(0.0)), power=Track.constant(float(trap.power.at(0.0)[0]))
-        )
-        if trap.prim in held
-        else trap
-        for trap in scene.traps
-    ]
-    return replace(scene, traps=tuple(still), judged=True)
+    speed = [min(t.speed_limit, task.speed_limit) if t.prim in held else t.speed_limit for t in scene.traps]
+    traps = (replace(trap, speed_limit=limit) for trap, limit in zip(scene.traps, speed, strict=True))
+    return replace(scene, traps=tuple(traps))
+
+
+def _led(task: Task, trap: Trap) -> Trap:
+    """A trap as hands take it over, if one does."""
+    if all(trap.prim not in hand.traps for hand in task.hands):
+        return trap
+    place, power = Track.constant(trap.position.at(0.0)), Track.constant(float(trap.power.at(0.0)[0]))
+    limit = math.inf if task.speed_limit <= trap.speed_limit else trap.speed_limit
+    return replace(trap, position=place, power=power, speed_limit=limit)
 
 
 def place_data(layout: Layout, model: Model) -> tuple[Any, list[wp.Mesh]]:
@@ -65,8 +77,8 @@ def episode_data(layout: Layout, model: Model) -> Any:
     traps, bodies, numbers = len(model.scene.traps), len(model.scene.bodies), len(layout.acted)
     shapes = {
         "goal": (w,), "focus": (w, traps), "power": (w, traps), "start": (w, bodies), "before": (w, bodies),
-        "turned": (w, bodies if f.rigid else 0), "action": (w, numbers), "last_action": (w, numbers), "period": (w,),
-        "held": (w,), "number": (w,), "flags": (w,), "variant": (w,),
+        "turned": (w, bodies if f.rigid else 0), "gap": (w, bodies), "action": (w, numbers),
+        "last_action": (w, numbers), "period": (w,), "held": (w,), "number": (w,), "flags": (w,), "variant": (w,),
     }  # fmt: skip
     for name, shape in shapes.items():
         setattr(data, name, wp.zeros(shape, dtype=EpisodeData.vars[name].type.dtype, device=model.device))

@@ -15,6 +15,7 @@ def terms(f: Features) -> list[tuple[str, bool, str]]:
     yes_no: tuple[Term, ...] = (
         *models,
         ("moving traps", f.moving_traps, "traps have time samples", "no trap has time samples"),
+        ("traps with velocities", f.gliding_traps, "Simulation(glides=True)", "commands are places"),
         ("trap speed limit", f.speed_limits, "a trap has a finite limit", "no trap has a finite limit"),
         ("rotation, 6×6 mobility", f.rigid, "a body has several spheres", "all bodies are lone spheres"),
         ("lone-sphere mobility", f.spheres, "a body is a lone sphere", "no body is a lone sphere"),

@@ -70,6 +70,7 @@ def compose(
         fast_math=options.fast_math,
         crossings=options.crossings,
         precision=options.precision,
+        gliding_traps=options.glides and f.traps > 0,
         # a part has its worlds' numbers from their trials; the grid driver counts its worlds by itself
         episodes=options.ends is not None or (part and f.driver != "grid"),
     )

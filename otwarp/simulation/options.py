@@ -29,6 +29,7 @@ class StepOptions:
         forces: The user's, beside those of the scene.
         allow_large_step: Whether an explicit step that is stable may make any errors.
         ends: What ends the task of a world; None: nothing does, and the host's clock counts for all.
+        glides: Whether foci can be commanded velocities.
     """
 
     time_step: float | None = None
@@ -40,6 +41,7 @@ class StepOptions:
     forces: tuple[Force, ...] = ()
     allow_large_step: bool = False
     ends: tuple[End, ...] | None = None
+    glides: bool = False
 
     def of(self, scene: Scene) -> Scene:
         """The scene with its time step [s], integrator and noise replaced by those that are chosen here.

@@ -36,6 +36,8 @@ OWN = (
     "origin",
     "views",
     "launches",
+    "trap_velocity",
+    "trap_since",
 )
 """Fields of `State`, `Control`, `Readout` and `Episodes` that a shard has for itself."""
 

@@ -44,25 +44,24 @@ class Simulation:
         parameters: Values that replace the scene's, for all worlds or per world; see
             `otwarp.simulation.packing.parameters.PARAMETERS`. A sweep costs the memory of what is swept.
         threads: Worker threads on the CPU; None uses all cores. Results do not depend on it.
-        fast_math: On CUDA, use approximate instructions for logarithm, sine, cosine, roots and divisions: up to twice
-            as fast for a lone bead. Deviates of the noise change by about 1e-6, far below the error of any time step;
-            on a CPU only the noise's functions change, to the library's, and only where bodies touch.
+        fast_math: On CUDA, use approximate instructions for functions and divisions: up to twice as fast for a lone
+            bead. Deviates of the noise change by about 1e-6, far below the error of any time step; on a CPU only the
+            noise's functions change, to the library's, and only where bodies touch.
         integrator: `eulerMaruyama`, `leimkuhlerMatthews`, `heun`, `exponential`, or None for the scene's.
         noise: `gaussian`, `threePoint`, `uniform`, or None for the scene's.
         crossings: Whether escapes between the ends of two steps count; off only to measure what that is worth.
-        precision: `float32`, or `float64` for all real numbers but the noise, whose deviates are the same in both: for
-            scenes far from the origin, and to see what rounding does. Not for many-body scenes and meshes, nor with
-            `fast_math`.
+        precision: `float32`, or `float64` for all real numbers but the deviates of the noise, which are the same: for
+            scenes far from the origin, and to see rounding. Not for many-body scenes and meshes, nor with `fast_math`.
         forces: Forces beside those of the scene, made by `otwarp.force`; summed in every stage of the step, and counted
             for its length. Their parameters are parameters, too: `<force>_<parameter>`.
         allow_large_step: Whether an explicit `time_step` that is stable may make any errors; else it draws a warning
             above the wanted accuracy, and is refused above 10 %.
         ends: What ends the task of a world, looked at when a call of `step` is over; such worlds stand still at no cost
             until `reset`; see `episodes`. An empty list leaves that to the user; None: all worlds go on for good.
+        glides: Foci can be commanded velocities, at which they go on between commands: `control.trap_velocity`.
         part: First of the worlds that this object steps, and the one after its last, of `worlds`: the same bits as in
             the whole, for several devices or processes.
-        readout: Compile the kernels of the readout beside those of the step, for whoever will look at it; else they are
-            compiled when it is first asked for.
+        readout: Compile the kernels of the readout beside those of the step, and not when it is first asked for.
 
     Attributes:
         model: The scene on the device.
@@ -100,6 +99,7 @@ class Simulation:
         forces: Sequence[Force] = (),
         allow_large_step: bool = False,
         ends: Sequence[End] | None = None,
+        glides: bool = False,
         part: tuple[int, int] | None = None,
         readout: bool = False,
     ):
@@ -113,9 +113,10 @@ class Simulation:
             forces=check_forces(forces),
             allow_large_step=allow_large_step,
             ends=None if ends is None else check_ends(ends),
+            glides=glides,
         )
-        named = {"worlds": worlds, "seed": seed, "device": device, "parameters": parameters}
-        self.model = Model.build(scene, **named, options=options, part=part)
+        how: dict[str, Any] = {"options": options, "part": part, "parameters": parameters}
+        self.model = Model.build(scene, worlds=worlds, seed=seed, device=device, **how)
         threads = None if threads is None else whole("threads", threads, 1)
         self.state = State.start(self.model)
         self.control = Control.start(self.model)
@@ -200,7 +201,6 @@ class Simulation:
         before: Callable[[], Any] | None = None,
         after: Callable[[], Any] | None = None,
         readout: bool = False,
-        pieces: int = 1,
     ) -> CapturedLoop:
         """Record `before`, `steps` steps, the readout if it is wanted, and `after` as one graph: nothing moves yet.
 
@@ -211,7 +211,6 @@ class Simulation:
                 of these arrays, are written between the turns.
             after: Launches what reads `state`, `readout` and `episodes`, or resets worlds by flags on the device.
             readout: Whether trap forces and distances are measured before `after`.
-            pieces: How often `before` and `steps` steps come in a turn.
 
         Raises:
             InputError: The simulation was made without `ends`, so that its clock is the host's.
@@ -226,17 +225,16 @@ class Simulation:
         load_kernels(self._step.kernels, self.model.device)
 
         def turn() -> None:
-            for _ in range(pieces):
-                if before is not None:
-                    before()
-                self._segment(episodes, steps)
+            if before is not None:
+                before()
+            self._segment(episodes, steps)
             if readout:
                 self.measure()
             if after is not None:
                 after()
 
         counted = functools.partial(self._count, measured=readout)
-        return CapturedLoop(self.control, episodes, steps * pieces, turn, counted)
+        return CapturedLoop(self.control, episodes, steps, turn, counted)
 
     def reset(
         self,
@@ -335,9 +333,8 @@ class Simulation:
         if self._step.readout:
             model = self.model
             per_trap_and_body, per_hand = self._step.readout
-            out, time = self.last_readout.trap_data(), wp.float64(self.time)
-            views = [model.data, self.control.data(), self.state.data(), out, time]
-            worlds, f = model.worlds, model.features
+            worlds, f, out = model.worlds, model.features, self.last_readout.trap_data()
+            views = [model.data, self.control.data(), self.state.data(), out, wp.float64(self.time)]
             wp.launch(per_trap_and_body, dim=(worlds, f.traps + f.bodies), inputs=views, device=model.device)
             wp.launch(per_hand, dim=(worlds, 2), inputs=[model.data, out], device=model.device)
         if self._step.forces is not None:

@@ -100,6 +100,9 @@ class Control(Bound):
         trap_position: (1|W, T) vec3, commanded foci [µm].
         trap_power: (1|W, T) commanded powers [mW].
         follow: (T) int32: bit 0, the position follows the scene's time samples instead; bit 1, the power does.
+        trap_velocity: (W, T) vec3 at which foci go on from their positions, 0 at first [µm/s]; (0, 0) unless the
+            simulation was made with `glides`. Written in place, by `assign` or a kernel.
+        trap_since: (W) float64 time of a world at which its foci were there [s]; (0) likewise.
         model: What it commands.
         writes: Calls of `set` so far.
         layout: Counts the times an array had to be replaced by a larger one.
@@ -108,6 +111,8 @@ class Control(Bound):
     trap_position: wp.array
     trap_power: wp.array
     follow: wp.array
+    trap_velocity: wp.array
+    trap_since: wp.array
     model: Model
     writes: int = 0
     layout: int = 0
@@ -124,10 +129,13 @@ class Control(Bound):
             | (2 * (t.power.animated and "trap_power" not in model.overrides))
             for t in model.scene.traps
         ]
+        glides = (model.worlds, len(follow)) if model.features.gliding_traps else (0, 0)
         return cls(
             trap_position=device_array(model.values["trap_position"], wp.vec3, model.place, ndim=2),
             trap_power=device_array(model.values["trap_power"], wp.float32, model.place, ndim=2),
             follow=device_array(follow, wp.int32, model.device),
+            trap_velocity=device_array(np.zeros((*glides, 3)), wp.vec3, model.place, ndim=2),
+            trap_since=device_array(np.zeros(glides[0]), wp.float64, model.device),
             model=model,
         )
 
@@ -238,7 +246,8 @@ class Control(Bound):
     def data(self) -> Annotated[Any, ControlData]:
         """The same arrays as the struct that kernels take; made anew after `widen`, which replaces one."""
         data = self.model.place.typed(ControlData)()
-        data.trap_position, data.trap_power, data.follow = self.trap_position, self.trap_power, self.follow
+        for name in ("trap_position", "trap_power", "follow", "trap_velocity", "trap_since"):
+            setattr(data, name, getattr(self, name))
         return data
 
 

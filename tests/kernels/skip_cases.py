@@ -42,6 +42,11 @@ CASES: dict[str, tuple[Features, Features, tuple[str, ...]]] = {
         dataclasses.replace(BASE, traps=1, trap_models=("harmonic_isotropic",)),
         ("commanded_animated", "find_key", "key_weight"),
     ),
+    "gliding traps": (
+        dataclasses.replace(BASE, traps=1, trap_models=("harmonic_isotropic",), gliding_traps=True),
+        dataclasses.replace(BASE, traps=1, trap_models=("harmonic_isotropic",)),
+        ("glided", ").trap_velocity)"),
+    ),
     "speed limits": (
         EVERYTHING,
         dataclasses.replace(EVERYTHING, speed_limits=False),

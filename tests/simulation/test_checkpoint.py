@@ -143,7 +143,7 @@ def steady(body: ot.ForceInput, strength: float):
 CHOICES = (
     {
         "time_step": 2e-5, "integrator": "leimkuhlerMatthews", "noise": "threePoint", "crossings": False,
-        "fast_math": True, "forces": (steady(strength=2.0),), "ends": (ot.timed_out(after=3.0),),
+        "fast_math": True, "forces": (steady(strength=2.0),), "ends": (ot.timed_out(after=3.0),), "glides": True,
     },
     {"precision": "float64"},
 )  # fmt: skip

@@ -114,10 +114,20 @@ def begin(
         worlds.done[world] = HELD
 
 
+@wp.func
+def velocity_of(hands: HandData, place: PlaceData, episode: EpisodeData, world: int, trap: int) -> wp.vec3:
+    """Velocity of a trap by the action of the period [µm/s], no faster than hands may be."""
+    share = wp.vec3(0.0)
+    for axis in range(3):
+        if hands.axis[trap, axis] >= 0:
+            share[axis] = episode.action[world, hands.axis[trap, axis]]
+    return (place.speed_limit / wp.max(wp.length(share), 1.0)) * share
+
+
 @wp.kernel(enable_backward=False)
-def take(actions: wp.array2d(dtype=wp.float32), hands: HandData, place: PlaceData, worlds: WorldsData,
-         control: ControlData, state: StateData, episode: EpisodeData):  # fmt: skip
-    """At the start of a period: remember where bodies are, take in the action, and set powers."""
+def take(actions: wp.array2d(dtype=wp.float32), hands: HandData, place: PlaceData, time_step: wp.float64,
+         worlds: WorldsData, control: ControlData, state: StateData, episode: EpisodeData):  # fmt: skip
+    """At the start of a period: remember where bodies are, take in the action, set powers, and let traps glide."""
     world = wp.tid()
     if worlds.done[world] != 0:
         if episode.held[world] == 0:
@@ -136,27 +146,17 @@ def take(actions: wp.array2d(dtype=wp.float32), hands: HandData, place: PlaceDat
             power = place.low_power + share * (place.high_power - place.low_power)
             episode.power[world, t] = power
             control.trap_power[world, t] = power
-
-
-@wp.kernel(enable_backward=False)
-def move(hands: HandData, place: PlaceData, span: float, worlds: WorldsData, control: ControlData,
-         episode: EpisodeData):  # fmt: skip
-    """Move the foci on by `span` seconds; meanwhile the traps stand halfway, so that on average they lag by nothing."""
-    world, trap = wp.tid()
-    if worlds.done[world] != 0:
-        return
-    way = wp.vec3(0.0)
-    for axis in range(3):
-        if hands.axis[trap, axis] >= 0:
-            way[axis] = episode.action[world, hands.axis[trap, axis]]
-    way = (place.speed_limit * span / wp.max(wp.length(way), 1.0)) * way
-    focus = episode.focus[world, trap]
-    control.trap_position[world, trap] = focus + 0.5 * way
-    episode.focus[world, trap] = focus + way
+    if control.trap_velocity.shape[1] > 0:
+        control.trap_since[world] = wp.float64(worlds.step[world]) * time_step
+        for t in range(episode.focus.shape[1]):
+            velocity = velocity_of(hands, place, episode, world, t)
+            control.trap_velocity[world, t] = velocity
+            episode.focus[world, t] = episode.focus[world, t] + place.period * velocity
 
 
 @wp.kernel(enable_backward=False)
 def settle(control: ControlData, episode: EpisodeData):
-    """At the end of a period: put the traps where they have been taken."""
+    """At the end of a period: put the traps where they have come to, at rest."""
     world, trap = wp.tid()
     control.trap_position[world, trap] = episode.focus[world, trap]
+    control.trap_velocity[world, trap] = wp.vec3(0.0)

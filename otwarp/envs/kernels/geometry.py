@@ -3,7 +3,9 @@
 import warp as wp
 
 from otwarp.envs.kernels.types import TaskNow
-from otwarp.kernels.contact.obstacles import FAR, SHAPES, distance_term, moving_pose
+from otwarp.kernels.contact.obstacles import FAR, SHAPES, distance_term, pose_between
+from otwarp.kernels.core.keyframes import find_key_from
+from otwarp.kernels.core.types import Pose
 
 shape_distance = distance_term(tuple(SHAPES))
 
@@ -34,9 +36,25 @@ def held_place(now: TaskNow, trap: int) -> wp.vec3:
 
 
 @wp.func
+def obstacle_pose(now: TaskNow, obstacle: int, time: float) -> Pose:
+    """Pose of an obstacle at `time` [s], found at once where its samples are evenly spaced."""
+    first = now.place.obstacles.key_start[obstacle]
+    last = now.place.obstacles.key_start[obstacle + 1] - 1
+    pose = Pose(now.place.obstacles.key_position[first], now.place.obstacles.key_rotation[first])
+    if last > first:
+        when = wp.float64(time)
+        begin = now.place.obstacles.key_time[first]
+        share = (when - begin) / (now.place.obstacles.key_time[last] - begin)
+        near = first + int(wp.clamp(wp.float32(share), 0.0, 1.0) * float(last - first))
+        key = find_key_from(now.place.obstacles.key_time, near, first, last, when)
+        pose = pose_between(now.place.obstacles, key, when)
+    return pose
+
+
+@wp.func
 def surface_of(now: TaskNow, obstacle: int, point: wp.vec3) -> wp.vec4:
     """Outward normal of an obstacle's surface nearest to a point, and the distance of the point from it [µm]."""
-    pose = moving_pose(now.place.obstacles, obstacle, wp.float64(now.time))
+    pose = obstacle_pose(now, obstacle, now.time)
     local = wp.quat_rotate_inv(pose.rotation, point - pose.position)
     found = shape_distance(now.place.obstacles, obstacle, local, FAR)
     normal = wp.quat_rotate(pose.rotation, wp.vec3(found[0], found[1], found[2]))
@@ -57,10 +75,23 @@ def gap_between(now: TaskNow, body: int, obstacle: int) -> float:
 
 @wp.func
 def gap_of(now: TaskNow, body: int) -> float:
-    """The same to the nearest of all obstacles [µm]."""
-    least = float(FAR)
-    for obstacle in range(now.place.obstacles.shape.shape[0]):
-        least = wp.min(least, gap_between(now, body, obstacle))
+    """The same to the nearest of all obstacles [µm], found once for all terms of a period."""
+    least = now.episode.gap[now.world, body]
+    if wp.isnan(least):
+        least = float(FAR)
+        turn, place = body_turn(now, body), body_place(now, body)
+        for s in range(now.place.sphere_start[body], now.place.sphere_start[body + 1]):
+            sphere = now.place.sphere[s]
+            point = place + wp.quat_rotate(turn, wp.vec3(sphere[0], sphere[1], sphere[2]))
+            for obstacle in range(now.place.obstacles.shape.shape[0]):
+                pose = obstacle_pose(now, obstacle, now.time)
+                way = point - pose.position
+                # what is farther away than the nearest so far is not looked at
+                if wp.length(way) - now.place.obstacles.bound[obstacle] - sphere[3] < least:
+                    local = wp.quat_rotate_inv(pose.rotation, way)
+                    found = shape_distance(now.place.obstacles, obstacle, local, FAR)
+                    least = wp.min(least, found[3] - sphere[3])
+        now.episode.gap[now.world, body] = least
     return least
 
 

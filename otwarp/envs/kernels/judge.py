@@ -7,6 +7,7 @@ from typing import Any
 import warp as wp
 
 from otwarp.envs.kernels.types import EpisodeData, PlaceData, TaskNow
+from otwarp.kernels.core.features import CPU_FLAGS
 from otwarp.kernels.core.functions import compiled, function_from_text
 from otwarp.kernels.core.rounding import PRECISION
 from otwarp.kernels.core.types import ReadoutData, StateData, WorldsData
@@ -122,11 +123,13 @@ def judge_kernels(
     """Kernel that judges a period of each world, and one that observes flagged worlds after they have started anew."""
     see, earn, ended = seen_term(readings), earned_term(rewards), ended_term(ends)
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", enable_backward=False, module_options={"cpu_compiler_flags": CPU_FLAGS})
     def judge(state: StateData, readout: ReadoutData, place: PlaceData, worlds: WorldsData, numbers: NumberData,
               keep_last: int, episode: EpisodeData, out: VerdictData):  # fmt: skip
         """After a period: rewards, ends and observations; a world that has just been reset is only observed."""
         world = wp.tid()
+        for b in range(episode.gap.shape[1]):
+            episode.gap[world, b] = wp.nan
         period = episode.period[world]
         out.terminated[world] = False
         out.truncated[world] = False
@@ -162,12 +165,14 @@ def judge_kernels(
             for n in range(out.seen.shape[1]):
                 out.last_seen[world, n] = wp.where(worlds.done[world] != 0, out.seen[world, n], 0.0)
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", enable_backward=False, module_options={"cpu_compiler_flags": CPU_FLAGS})
     def observe(state: StateData, readout: ReadoutData, place: PlaceData, numbers: NumberData, episode: EpisodeData,
                 seen: wp.array2d(dtype=wp.float32)):  # fmt: skip
         """Observe the flagged worlds, which have just started anew."""
         world = wp.tid()
         if episode.flags[world] != 0:
+            for b in range(episode.gap.shape[1]):
+                episode.gap[world, b] = wp.nan
             see(TaskNow(world, 0, 0.0, state, readout, place, episode), numbers.seen, numbers.scale, seen)
 
     return judge, observe

@@ -2,14 +2,13 @@
 
 import warp as wp
 
-from otwarp.envs.kernels.geometry import body_place, gap_of, held_place, trap_offset_of
+from otwarp.envs.kernels.geometry import body_place, gap_of, held_place, obstacle_pose, trap_offset_of
 from otwarp.envs.kernels.types import TaskNow
-from otwarp.kernels.contact.obstacles import moving_pose
 
 
 def middle_offset(now: TaskNow, body: int, obstacle: int) -> wp.vec3:
     """Way from a body to the middle of an obstacle."""
-    pose = moving_pose(now.place.obstacles, obstacle, wp.float64(now.time))
+    pose = obstacle_pose(now, obstacle, now.time)
     return pose.position - body_place(now, body)
 
 

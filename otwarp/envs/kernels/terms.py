@@ -8,11 +8,11 @@ from otwarp.envs.kernels.geometry import (
     body_turn,
     gap_between,
     gap_of,
+    obstacle_pose,
     surface_of,
     trap_offset_of,
 )
 from otwarp.envs.kernels.types import TaskNow
-from otwarp.kernels.contact.obstacles import moving_pose
 
 
 def goal_offset(now: TaskNow, body: int) -> wp.vec3:
@@ -68,8 +68,8 @@ def obstacle_offset(now: TaskNow, body: int, obstacle: int) -> wp.vec3:
 
 def obstacle_velocity(now: TaskNow, obstacle: int) -> wp.vec3:
     """Velocity of an obstacle's origin over the last period."""
-    last = moving_pose(now.place.obstacles, obstacle, wp.float64(now.time))
-    before = moving_pose(now.place.obstacles, obstacle, wp.float64(now.time - now.place.period))
+    last = obstacle_pose(now, obstacle, now.time)
+    before = obstacle_pose(now, obstacle, now.time - now.place.period)
     return (last.position - before.position) / now.place.period
 
 

@@ -35,6 +35,7 @@ class EpisodeData:
     turned: wp.array2d(dtype=wp.quat)  # (W, B) orientations then, (W, 0) where nothing turns
     action: wp.array2d(dtype=wp.float32)  # (W, A) of this period, within ±1
     last_action: wp.array2d(dtype=wp.float32)  # (W, A) of the one before
+    gap: wp.array2d(dtype=wp.float32)  # (W, B) of a body's spheres from obstacles [µm], NaN: not yet found
     period: wp.array(dtype=wp.int32)  # (W) periods since the start of the episode
     held: wp.array(dtype=wp.int32)  # (W) 1: reset in this period, and waits for its end; 2: ended before
     number: wp.array(dtype=wp.uint32)  # (W) trial, which all random numbers of the episode go by

@@ -68,6 +68,7 @@ class Features:
         trap_models: Force models in use, keys of `TRAP_TERMS`.
         moving_traps: Traps follow key frames.
         leaps: Some of them vary so much within a step that its stages have commands of their own.
+        gliding_traps: Commanded foci have velocities.
         speed_limits: Some trap has a finite speed limit.
         spheres, rigid: There are lone spheres; there are bodies with rotation.
         brownian, gravity: Whether the terms act.
@@ -116,6 +117,7 @@ class Features:
     trap_models: tuple[str, ...] = ()
     moving_traps: bool = False
     leaps: bool = False
+    gliding_traps: bool = False
     speed_limits: bool = False
     spheres: bool = True
     rigid: bool = False
@@ -152,9 +154,19 @@ class Features:
     vectors: bool = False
 
     @property
-    def still_traps(self) -> bool:
-        """Whether foci and powers change by command only, that is not within a launch."""
+    def kept_traps(self) -> bool:
+        """Whether foci and powers change by command only, that is not within a launch, but for their velocities."""
         return not (self.moving_traps or self.speed_limits)
+
+    @property
+    def still_traps(self) -> bool:
+        """Whether they do not change within a launch at all."""
+        return self.kept_traps and not self.gliding_traps
+
+    @property
+    def monitors(self) -> int:
+        """How many traps a lone sphere monitors itself: those whose constants it carries along."""
+        return self.traps if self.escapes and self.kept_traps and self.traps <= FEW_TRAPS else 0
 
     @property
     def draws_blocks(self) -> bool:

@@ -319,6 +319,8 @@ class ControlData:
     trap_position: wp.array2d(dtype=wp.vec3)  # (1|W, T) [µm]
     trap_power: wp.array2d(dtype=wp.float32)  # (1|W, T) [mW]
     follow: wp.array(dtype=wp.int32)  # (T) bit 0: position follows the scene's key frames, bit 1: power does
+    trap_velocity: wp.array2d(dtype=wp.vec3)  # (W, T) at which positions go on [µm/s], (0, 0) where none glides
+    trap_since: wp.array(dtype=wp.float64)  # (W) time of a world since when they do [s], (0) likewise
 
 
 @wp.struct

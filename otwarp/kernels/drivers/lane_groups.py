@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from otwarp.kernels.core.features import FEW_TRAPS, Features
+from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import BeadConstants
 from otwarp.kernels.cpu.noise_block import BLOCK
 from otwarp.kernels.integrate.integrators import INTEGRATORS
@@ -37,11 +37,6 @@ def fresh_steps(f: Features) -> int:
 def draws_blocks(f: Features) -> bool:
     """Whether noise comes in blocks: near walls it needs more deviates, and draws them by itself."""
     return f.brownian and not f.walls
-
-
-def monitors_in_lane(f: Features) -> int:
-    """How many traps a sphere in a lane monitors itself: those whose constants it carries along."""
-    return f.traps if f.escapes and f.still_traps and f.traps <= FEW_TRAPS else 0
 
 
 def view_term(kind: type) -> wp.Function:

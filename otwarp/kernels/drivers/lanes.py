@@ -23,13 +23,13 @@ from otwarp.kernels.drivers.lane_groups import (
     draws_blocks,
     fresh_steps,
     from_start,
-    monitors_in_lane,
 )
 from otwarp.kernels.drivers.lanes_alike import WIDE, alike_term, step_together_term
 from otwarp.kernels.drivers.lanes_rigid import make_body_lanes
 from otwarp.kernels.forces.traps import next_pieces_term, takes_pieces
 from otwarp.kernels.integrate.integrators import INTEGRATORS, whole_step
 from otwarp.kernels.optics.escapes import EscapeMonitor, escape_term, monitor_term, report_escape, start_monitor
+from otwarp.kernels.optics.trap_command import kept_anchor_term
 
 
 def make_lanes_step(f: Features) -> wp.Kernel:
@@ -101,28 +101,31 @@ def make_bead_lanes(f: Features) -> wp.Kernel:
         for g3 in range(bodies):
             w3 = world_in(model, first_world + (before + g3) // wp.static(f.bodies))
             b3 = (before + g3) % wp.static(f.bodies)
-            finish(model, state, readout, lanes[g3], w3, b3, start_of(model, w3, first_step))
+            finish(model, control, state, readout, lanes[g3], w3, b3, start_of(model, w3, first_step))
 
     return bead_lanes
 
 
 def look_term(f: Features) -> wp.Function:
-    """`(model, lane, world, first, taken) -> two monitors`: what the first two traps see after so many steps."""
-    monitors = monitors_in_lane(f)
-    monitored = monitor_term(f)
+    """`(model, control, lane, world, first, taken) -> two monitors`: what the first two traps see by then."""
+    monitors = f.monitors
+    monitored, kept_anchor = monitor_term(f), kept_anchor_term(f)
 
     @wp.func
     def look(
-        model: ModelData, lane: BeadLane, world: int, first: wp.int64, taken: int
+        model: ModelData, control: ControlData, lane: BeadLane, world: int, first: wp.int64, taken: int
     ) -> tuple[EscapeMonitor, EscapeMonitor]:
         """Monitors of the first two traps after `taken` steps; those that no trap needs come back unchanged."""
         bead = lane.bead
         one = lane.first
         two = lane.second
+        time = wp.float64(first + wp.int64(taken)) * model.time_step
         if wp.static(monitors > 0):
-            one = monitored(model, bead, one, bead.first_anchor, world, 0, lane.position, first, taken)
+            anchor = kept_anchor(control, bead.first, bead.first_anchor, world, 0, time)
+            one = monitored(model, bead, one, anchor, world, 0, lane.position, first, taken)
         if wp.static(monitors > 1):
-            two = monitored(model, bead, two, bead.second_anchor, world, 1, lane.position, first, taken)
+            other = kept_anchor(control, bead.second, bead.second_anchor, world, 1, time)
+            two = monitored(model, bead, two, other, world, 1, lane.position, first, taken)
         return one, two
 
     return look
@@ -131,7 +134,7 @@ def look_term(f: Features) -> wp.Function:
 def start_lane_term(f: Features) -> wp.Function:
     """`(model, control, state, readout, world, b) -> BeadLane` at the start of a launch."""
     bead_constants = bead_constants_term(f)
-    monitors = monitors_in_lane(f)
+    monitors = f.monitors
 
     @wp.func
     def start(
@@ -154,7 +157,7 @@ def advance_lane_term(f: Features) -> wp.Function:
     """`(model, control, state, readout, lanes, g, world, b, first, k)`: step k of the launch for lane g."""
     move_freely = whole_step(INTEGRATORS[f.integrator], bead_dynamics(f))
     next_pieces = next_pieces_term(f)
-    monitors = monitors_in_lane(f)
+    monitors = f.monitors
     look = look_term(f)
     record_escapes = escape_term(f) if f.escapes and not monitors else None
     kept_in_domain = kept_in_domain_term(f) if f.inlet else None
@@ -168,7 +171,7 @@ def advance_lane_term(f: Features) -> wp.Function:
         if k < lanes[g].until:
             lane = lanes[g]
             if wp.static(monitors > 0):
-                one, two = look(model, lane, world, first, k)
+                one, two = look(model, control, lane, world, first, k)
                 lanes[g].first = one
                 if wp.static(monitors > 1):
                     lanes[g].second = two
@@ -200,17 +203,18 @@ def advance_lane_term(f: Features) -> wp.Function:
 
 
 def finish_lane_term(f: Features) -> wp.Function:
-    """`(model, state, readout, lane, world, b, first)` at the end of a launch."""
-    monitors = monitors_in_lane(f)
+    """`(model, control, state, readout, lane, world, b, first)` at the end of a launch."""
+    monitors = f.monitors
     look = look_term(f)
 
     @wp.func
     def finish(
-        model: ModelData, state: StateData, readout: ReadoutData, lane: BeadLane, world: int, b: int, first: wp.int64
-    ):
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, lane: BeadLane, world: int,
+        b: int, first: wp.int64,
+    ):  # fmt: skip
         """Write the position [µm] back, and report escapes up to the last step."""
         state.position[world, b] = lane.position
-        one, two = look(model, lane, world, first, lane.until)
+        one, two = look(model, control, lane, world, first, lane.until)
         if wp.static(monitors > 0):
             report_escape(readout, one, world, 0, first)
         if wp.static(monitors > 1):

@@ -14,7 +14,7 @@ from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.packed import point_of, power_of
 from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, StateData
 from otwarp.kernels.cpu.noise_block import address_of, before_step, worlds_block_term
-from otwarp.kernels.drivers.lane_groups import GROUP, BeadLane, draws_blocks, monitors_in_lane
+from otwarp.kernels.drivers.lane_groups import GROUP, BeadLane, draws_blocks
 from otwarp.kernels.integrate.integrators import INTEGRATORS, whole_step
 from otwarp.kernels.optics.traps import TABLE_KEY, trap_term
 
@@ -27,7 +27,7 @@ def go_together(f: Features) -> bool:
 
     Traps that follow key frames and tables would be found for one lane after the other.
     """
-    kept = f.rigid or f.periodic or f.inlet or f.walls or f.episodes or (f.escapes and not monitors_in_lane(f))
+    kept = f.rigid or f.periodic or f.inlet or f.walls or f.episodes or (f.escapes and not f.monitors)
     looked_up = not f.still_traps or any(trap_term(name).key >= TABLE_KEY for name in f.trap_models)
     ahead = INTEGRATORS[f.integrator].noise_ahead > 0
     return f.bodies == 1 and not (kept or looked_up or ahead)
@@ -155,7 +155,7 @@ def step_together_term(f: Features) -> wp.Function:
     """
     move_freely = whole_step(INTEGRATORS[f.integrator], bead_dynamics(f))
     draw = worlds_block_term(f.noise) if draws_blocks(f) else None
-    monitors = monitors_in_lane(f)
+    monitors = f.monitors
     lay_out, put_back = exchange_terms(monitors)
 
     @wp.func

@@ -27,7 +27,7 @@ from otwarp.kernels.drivers.inlets import kept_in_domain_term
 from otwarp.kernels.drivers.lane_groups import GROUP, draws_blocks, fresh_steps, from_start, view_term
 from otwarp.kernels.integrate.body import body_dynamics
 from otwarp.kernels.integrate.integrators import INTEGRATORS, whole_step
-from otwarp.kernels.optics.escapes import escape_term
+from otwarp.kernels.optics.escapes import escape_term, gliding_way
 
 
 def body_lane(constants: type) -> type:
@@ -200,6 +200,8 @@ def body_advance_term(f: Features, dynamics: Dynamics, lane_type: type) -> wp.Fu
                 if wp.static(f.escapes):
                     turned = model.body.bound[b] * wp.length(angular_part(move))
                     leeway = lanes[g].leeway - wp.length(there.position - here.position) - turned
+                    if wp.static(f.gliding_traps):
+                        leeway -= gliding_way(model, control, world)
                     # monitored closely only where something can be lost
                     if leeway <= 0.0:
                         arrival = step + wp.int64(1)

@@ -22,7 +22,15 @@ from otwarp.kernels.forces.traps import next_pieces_term, takes_pieces
 from otwarp.kernels.hydrodynamics.walls import out_of_walls, sphere_dynamics
 from otwarp.kernels.integrate.body import body_dynamics
 from otwarp.kernels.integrate.integrators import INTEGRATORS, whole_step
-from otwarp.kernels.optics.escapes import EscapeMonitor, escape_term, monitor_term, report_escape, start_monitor
+from otwarp.kernels.optics.escapes import (
+    EscapeMonitor,
+    escape_term,
+    gliding_way,
+    monitor_term,
+    report_escape,
+    start_monitor,
+)
+from otwarp.kernels.optics.trap_command import kept_anchor_term
 
 
 def make_solo_step(f: Features) -> wp.Kernel:
@@ -56,19 +64,22 @@ def start_monitors_term(f: Features) -> wp.Function:
 
 
 def look_term(f: Features) -> wp.Function:
-    """`(model, bead, monitors, world, position, first, taken) -> EscapeMonitors` after `taken` steps of a launch."""
-    monitored = monitor_term(f)
+    """`(model, control, bead, monitors, world, position, first, taken) -> EscapeMonitors` after `taken` steps."""
+    monitored, kept_anchor = monitor_term(f), kept_anchor_term(f)
 
     @wp.func
     def look(
-        model: ModelData, bead: BeadConstants, monitors: EscapeMonitors, world: int, position: wp.vec3, first: wp.int64,
-        taken: int,
+        model: ModelData, control: ControlData, bead: BeadConstants, monitors: EscapeMonitors, world: int,
+        position: wp.vec3, first: wp.int64, taken: int,
     ) -> EscapeMonitors:  # fmt: skip
         """The monitors after `taken` steps with the sphere at `position` [µm]."""
         out = monitors
-        out.first = monitored(model, bead, monitors.first, bead.first_anchor, world, 0, position, first, taken)
+        time = wp.float64(first + wp.int64(taken)) * model.time_step
+        anchor = kept_anchor(control, bead.first, bead.first_anchor, world, 0, time)
+        out.first = monitored(model, bead, monitors.first, anchor, world, 0, position, first, taken)
         if wp.static(f.traps == FEW_TRAPS):
-            out.second = monitored(model, bead, monitors.second, bead.second_anchor, world, 1, position, first, taken)
+            other = kept_anchor(control, bead.second, bead.second_anchor, world, 1, time)
+            out.second = monitored(model, bead, monitors.second, other, world, 1, position, first, taken)
         return out
 
     return look
@@ -101,7 +112,7 @@ def make_bead_step(f: Features) -> wp.Kernel:
     """Step for lone spheres: whatever does not change over a launch is read once."""
     bead_constants = bead_constants_term(f)
     move_freely = whole_step(INTEGRATORS[f.integrator], sphere_dynamics(f))
-    monitor = f.escapes and f.still_traps and f.traps <= FEW_TRAPS
+    monitor = f.monitors > 0
     next_pieces = next_pieces_term(f)
     place_of, start_monitors, look = place_term(f), start_monitors_term(f), look_term(f)
     record_escapes = escape_term(f) if f.escapes and not monitor else None
@@ -126,7 +137,7 @@ def make_bead_step(f: Features) -> wp.Kernel:
         taken = int(0)
         for i in range(steps):
             if wp.static(monitor):
-                monitors = look(model, bead, monitors, world, position, start, i)
+                monitors = look(model, control, bead, monitors, world, position, start, i)
             step = start + wp.int64(i)
             time = wp.float64(step) * model.time_step
             if wp.static(takes_pieces(f)):
@@ -151,7 +162,7 @@ def make_bead_step(f: Features) -> wp.Kernel:
                 position = kept_in_domain(model, state, readout, world, b, position, step + wp.int64(1))
         state.position[world, b] = position
         if wp.static(monitor):
-            monitors = look(model, bead, monitors, world, position, start, taken)
+            monitors = look(model, control, bead, monitors, world, position, start, taken)
             report_escape(readout, monitors.first, world, 0, start)
             if wp.static(f.traps == FEW_TRAPS):
                 report_escape(readout, monitors.second, world, 1, start)
@@ -203,6 +214,8 @@ def make_body_step(f: Features) -> wp.Kernel:
             if wp.static(f.escapes):
                 # monitored closely only where something can be lost
                 leeway -= wp.length(pose.position - before.position) + bound * wp.length(angular_part(move))
+                if wp.static(f.gliding_traps):
+                    leeway -= gliding_way(model, control, world)
                 if leeway <= 0.0:
                     arrival = step + wp.int64(1)
                     later = time + model.time_step

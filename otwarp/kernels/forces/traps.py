@@ -11,7 +11,7 @@ from otwarp.kernels.forces.force import Term
 from otwarp.kernels.forces.zeros import ZEROS
 from otwarp.kernels.optics.trap_command import anchor_of, piece_command_term, trap_command_term
 from otwarp.kernels.optics.trap_wrench import reach_term
-from otwarp.kernels.optics.traps import AUTHORED, anchored, piece_terms, trap_force_term
+from otwarp.kernels.optics.traps import AUTHORED, anchored, glided, piece_terms, trap_force_term
 
 
 def trap_kinds(f: Features) -> list[Term]:
@@ -33,6 +33,14 @@ def few_command_term(f: Features) -> wp.Function:
     trap_command = trap_command_term(f, stage=True)
 
     @wp.func
+    def gliding(
+        model: ModelData, control: ControlData, state: StateData, world: int, trap: int, piece: Piece, still: wp.vec4,
+        time: wp.float64,
+    ) -> wp.vec4:  # fmt: skip
+        """Focus [µm] and power [mW] of a trap that follows no samples, from where it was when it began to glide."""
+        return glided(control, world, trap, still, time)
+
+    @wp.func
     def unsampled(
         model: ModelData, control: ControlData, state: StateData, world: int, trap: int, piece: Piece, still: wp.vec4,
         time: wp.float64,
@@ -40,7 +48,7 @@ def few_command_term(f: Features) -> wp.Function:
         """Focus [µm] and power [mW] of a trap that follows no samples."""
         return trap_command(model, control, state, world, trap, time)
 
-    return unsampled
+    return gliding if f.gliding_traps and not f.speed_limits else unsampled
 
 
 def next_pieces_term(f: Features) -> wp.Function:

@@ -49,8 +49,8 @@ def escape_term(f: Features) -> wp.Function:
     """`(model, control, state, readout, world, b, before, pose, step, time) -> leeway`: record when spheres are lost.
 
     `step` and `time` are those of the arrival at `pose`, from `before`. A focus with a speed limit counts as where it
-    has come to, at both ends of the step. As long as no point of the body has moved by the leeway [µm], nothing can be
-    lost.
+    has come to, at both ends of the step. As long as points of the body and traps that glide have not moved by the
+    leeway [µm] together, nothing can be lost.
     """
     record_escape = trap_escape_term(f)
 
@@ -68,6 +68,15 @@ def escape_term(f: Features) -> wp.Function:
         return leeway
 
     return record_escapes
+
+
+@wp.func
+def gliding_way(model: ModelData, control: ControlData, world: int) -> float:
+    """How far the fastest trap that glides goes in a step [µm]."""
+    fastest = float(0.0)
+    for trap in range(control.trap_velocity.shape[1]):
+        fastest = wp.max(fastest, wp.length(control.trap_velocity[world, trap]))
+    return fastest * wp.float32(model.time_step)
 
 
 def trap_escape_term(f: Features) -> wp.Function:
@@ -112,7 +121,7 @@ def trap_escape_term(f: Features) -> wp.Function:
                 readout.escape_step[world, trap] = step
             elif power_of(command) > 0.0:
                 leeway = wp.min(leeway, near - wp.sqrt(after2))
-            if wp.static(not f.still_traps):
+            if wp.static(not f.kept_traps):
                 leeway = 0.0
         return leeway
 

@@ -5,11 +5,13 @@ import warp as wp
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.keyframes import Piece
 from otwarp.kernels.core.packed import beside, point_of, power_of
-from otwarp.kernels.core.types import ControlData, ModelData, StateData, world_row
+from otwarp.kernels.core.types import ControlData, ModelData, StateData, TrapConstants, TrapData, world_row
 from otwarp.kernels.optics.traps import (
+    anchored,
     commanded_animated,
     commanded_staged,
     commanded_still,
+    glided,
     limited_focus,
     piece_terms,
 )
@@ -25,14 +27,26 @@ def as_far(model: ModelData, state: StateData, world: int, trap: int, command: w
     return reached
 
 
+def commanded_term(f: Features, *, stage: bool = False) -> wp.Function:
+    """`(traps, control, world, trap, time) -> vec4(focus, power)`: where the trap is to be; `stage` as below."""
+    sampled = commanded_animated if f.moving_traps else commanded_still
+    if f.leaps and stage:
+        sampled = commanded_staged
+
+    @wp.func
+    def commanded_gliding(traps: TrapData, control: ControlData, world: int, trap: int, time: wp.float64) -> wp.vec4:
+        """Commanded focus [µm] and power [mW] of a trap whose focus goes on at the velocity that is commanded."""
+        return glided(control, world, trap, sampled(traps, control, world, trap, time), time)
+
+    return commanded_gliding if f.gliding_traps else sampled
+
+
 def trap_command_term(f: Features, *, stage: bool = False) -> wp.Function:
     """`(model, control, state, world, trap, time) -> vec4(focus, power)`: where the trap is now.
 
     With `stage` where it counts to be in the stage of a step at `time`.
     """
-    commanded = commanded_animated if f.moving_traps else commanded_still
-    if f.leaps and stage:
-        commanded = commanded_staged
+    commanded = commanded_term(f, stage=stage)
 
     @wp.func
     def trap_command(
@@ -58,6 +72,8 @@ def piece_command_term(f: Features) -> wp.Function:
     ) -> wp.vec4:  # fmt: skip
         """Focus [µm] as commanded, or as far as the speed limit let it come, and power [mW]; `still` unfollowed."""
         command = commanded(model.traps, control, trap, piece, still, time)
+        if wp.static(f.gliding_traps):
+            command = glided(control, world, trap, command, time)
         if wp.static(f.speed_limits):
             command = as_far(model, state, world, trap, command)
         return command
@@ -70,7 +86,7 @@ def move_trap_term(f: Features) -> wp.Function:
 
     It heads for where the command is at the end of the step.
     """
-    commanded = commanded_animated if f.moving_traps else commanded_still
+    commanded = commanded_term(f)
 
     @wp.func
     def move_trap(model: ModelData, control: ControlData, state: StateData, world: int, trap: int, time: wp.float64):
@@ -82,6 +98,26 @@ def move_trap_term(f: Features) -> wp.Function:
         state.trap_position[world, trap] = limited_focus(model.traps, world, trap, now, goal, dt)
 
     return move_trap
+
+
+def kept_anchor_term(f: Features) -> wp.Function:
+    """`(control, law, kept, world, trap, time) -> vec4(equilibrium point, power)` from what a launch has kept of it."""
+
+    @wp.func
+    def still(
+        control: ControlData, law: TrapConstants, kept: wp.vec4, world: int, trap: int, time: wp.float64
+    ) -> wp.vec4:
+        """Equilibrium point [µm] and power [mW] of a trap that stays, which are kept."""
+        return kept
+
+    @wp.func
+    def gliding(
+        control: ControlData, law: TrapConstants, kept: wp.vec4, world: int, trap: int, time: wp.float64
+    ) -> wp.vec4:
+        """Equilibrium point [µm] and power [mW] of a trap that glides, of which the command is kept."""
+        return anchored(law, glided(control, world, trap, kept, time))
+
+    return gliding if f.gliding_traps else still
 
 
 @wp.func

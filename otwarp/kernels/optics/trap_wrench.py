@@ -25,6 +25,7 @@ from otwarp.kernels.optics.trap_command import anchor_of, trap_command_term
 from otwarp.kernels.optics.traps import (
     LAYER_NAMES,
     commanded_still,
+    glided,
     table_name,
     trap_force_term,
 )
@@ -96,8 +97,8 @@ def pull_term(f: Features) -> wp.Function:
 
 
 def keeps_aims(f: Features) -> bool:
-    """Whether where the traps are is known before a loop of steps: `RigidConstants` holds it then."""
-    return f.still_traps and 0 < f.traps <= KEPT_AIMS and not f.periodic
+    """Whether where the traps are, or glide from, is known before a loop of steps: `RigidConstants` holds it then."""
+    return f.kept_traps and 0 < f.traps <= KEPT_AIMS and not f.periodic
 
 
 @wp.func
@@ -140,7 +141,7 @@ def blocked_table(f: Features) -> tuple[int, bool] | None:
 def blocked_wrench_term(f: Features, layers: int, upright: bool) -> wp.Function:
     """`trap_wrench_term` of bilinear tables in the lanes of a CPU."""
     aim_at = aim_term(f)
-    aims_are_kept = keeps_aims(f)
+    aims_are_kept = keeps_aims(f) and f.still_traps
     table_wrench = table_wrench_term(f.traps, layers, upright)
 
     @wp.func
@@ -211,17 +212,21 @@ def place_aims_term(f: Features) -> wp.Function:
 
 
 def pull_of_kept_term(f: Features) -> wp.Function:
-    """`(model, body, world, place, radius, element) -> force` of traps at rest."""
+    """`(model, control, body, world, place, radius, element, time) -> force` of traps at rest, or gliding."""
     pulled = pull_term(f)
 
     @wp.func
     def pull_of_kept(
-        model: ModelData, body: RigidConstants, world: int, place: wp.vec3, radius: float, element: int
-    ) -> wp.vec3:
-        """Force [pN] on a trapped sphere at `place` [µm] of traps at rest: an array of aims would lie in memory."""
+        model: ModelData, control: ControlData, body: RigidConstants, world: int, place: wp.vec3, radius: float,
+        element: int, time: wp.float64,
+    ) -> wp.vec3:  # fmt: skip
+        """Force [pN] on a trapped sphere at `place` [µm] of traps kept: an array of aims would lie in memory."""
         force = wp.vec3(0.0)
         for trap in range(wp.static(f.traps)):
-            force = pulled(model, world, kept_aim(body, trap), trap, place, radius, element, force)
+            aim = kept_aim(body, trap)
+            if wp.static(f.gliding_traps):
+                aim.anchor = point_of(glided(control, world, trap, body.aims[trap], time))
+            force = pulled(model, world, aim, trap, place, radius, element, force)
         return force
 
     return pull_of_kept
@@ -282,7 +287,7 @@ def trap_wrench_term(f: Features) -> wp.Function:
             arm = turn * point_of(sphere)
             place = pose.position + arm
             if wp.static(aims_are_kept):
-                force = pull_of_kept(model, body, world, place, radius_of(sphere), element)
+                force = pull_of_kept(model, control, body, world, place, radius_of(sphere), element, time)
             else:
                 force = pull_of_aims(model, aims, world, place, radius_of(sphere), element)
             if wp.static(f.team > 1):

@@ -241,6 +241,13 @@ def commanded_still(traps: TrapData, control: ControlData, world: int, trap: int
 
 
 @wp.func
+def glided(control: ControlData, world: int, trap: int, command: wp.vec4, time: wp.float64) -> wp.vec4:
+    """A command with the focus [µm] as far as its velocity has taken it at `time` [s]."""
+    way = wp.float32(time - control.trap_since[world]) * control.trap_velocity[world, trap]
+    return beside(point_of(command) + way, power_of(command))
+
+
+@wp.func
 def anchored(law: TrapConstants, command: wp.vec4) -> wp.vec4:
     """Equilibrium point [µm] and power [mW] of a trap from its focus [µm] and power."""
     anchor = point_of(command) + law.equilibrium * law.axis
