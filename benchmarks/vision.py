@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import warp as wp
 
 from benchmarks import vision_limits
 from benchmarks.peers import deeptrack_sphere
@@ -20,9 +22,10 @@ from otwarp.vision.exact import scattered_spectra
 from otwarp.vision.fourier import Fourier
 from otwarp.vision.grid import Grid
 from otwarp.vision.illumination import Illumination, illumination
-from otwarp.vision.image import images
+from otwarp.vision.image import images, images_many
 from otwarp.vision.microscope import Microscope
-from otwarp.vision.propagation import Method, propagate
+from otwarp.vision.propagation import propagate, propagate_many
+from otwarp.vision.slices import Method
 from otwarp.vision.specimen import Specimen
 
 GRID = Grid(128, 128, 128, 128, 0.11)
@@ -37,6 +40,10 @@ RUNGS: tuple[tuple[Method, float], ...] = (
 )
 SPHERES = ((0.5, 1.38), (0.5, 1.59), (1.0, 1.38), (1.0, 1.52), (1.0, 1.59), (2.5, 1.38), (2.5, 1.59))
 LEAN = np.radians(30.0)
+LEANING = np.outer(np.linspace(-1.75, 1.75, 5), (0.5**0.5, 0.0, 0.5**0.5))
+"""Centres of a robot's spheres [µm]."""
+TOGETHER = 32
+"""Poses that a GPU is timed with."""
 PAIRS = {
     "along z": (0.0, 0.0, 1.0),
     "22.5° from z": (np.sin(np.pi / 8), 0.0, np.cos(np.pi / 8)),
@@ -122,35 +129,51 @@ def measure(
 
 
 def _times(fourier: Fourier, rounds: int, data: dict[str, Any]) -> Table:
-    """Processor time on a CPU, wall time on a GPU: least of some rounds, as the issue of every rung."""
+    """Processor time on a CPU, wall time on a GPU: least of some rounds; on a GPU of many poses together as well."""
     grid = Grid(128, 128, 128, 128, 0.16)
     microscope = Microscope(condenser_aperture=0.4)
     light = illumination(microscope, grid.length)
-    s = 0.5**0.5
-    rod = np.outer(np.linspace(-1.75, 1.75, 5), (s, 0.0, s))  # 5 µm from top to bottom with its spheres
-    robot = Specimen.of_spheres(rod, 0.75, 1.52)
+    robots = [leaning(azimuth) for azimuth in np.arange(TOGETHER) * np.pi / TOGETHER]
+    together, rows = (1, TOGETHER) if fourier.device.is_cuda else (1,), []
+    for method, thickness in RUNGS:
+        cells = []
+        for count in together:
+            some = robots[:count]
+            lead = partial(propagate_many, some, microscope, light, grid, fourier, method=method, thickness=thickness)
+            pose, spectra = least(lead, fourier, rounds)
+            image, _ = least(partial(images_many, spectra, microscope, light, grid, fourier, FOCUS), fourier, rounds)
+            seconds = {"pose": pose / count, "image": image / (count * len(FOCUS))}
+            data["seconds"][f"{method} {thickness}" + (f", {count} poses" if count > 1 else "")] = seconds
+            cells += [f"{1 / s:.3g}" for s in seconds.values()]
+        rows.append((label((method, thickness)), *cells))
+    begun = time.perf_counter()
+    scattered_spectra(Specimen.of_spheres(LEANING[[0, 2, 4]], 0.75, 1.52), microscope, light, grid, fourier)
+    data["seconds"]["mie"] = {"pose": time.perf_counter() - begun}
+    rows.append(("exact, three spheres", f"{1 / data['seconds']['mie']['pose']:.2g}", *rows[0][2:]))
+    many = (f"poses/s, {TOGETHER} together", "images/s of these") if len(together) > 1 else ()
+    return Table(title="Poses and images a second, 128 × 128 points, 61 source points, a robot 4 µm high",
+                 head=("method", "poses/s", "images/s", *many), rows=rows,
+                 note=f"Nine planes of each pose; transforms by {fourier.library}; one core's processor time on a CPU, "
+                 "wall time with images on the host on a GPU.")  # fmt: skip
+
+
+def leaning(azimuth: float) -> Specimen:
+    """A robot of five spheres that leans 45° to a side."""
+    c, s = np.cos(azimuth), np.sin(azimuth)
+    return Specimen.of_spheres(LEANING @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]), 0.75, 1.52)
+
+
+def least(work: Callable[[], Any], fourier: Fourier, rounds: int) -> tuple[float, Any]:
+    """Least time of some rounds after the first [s], and what the last returned."""
     clock = time.process_time if fourier.device.is_cpu else time.perf_counter
-    rows = []
-    for method, thickness in (rung for rung in RUNGS):
-        poses, looks, spectra = [], [], None
-        for _ in range(rounds + 1):
-            begun = clock()
-            spectra = propagate(robot, microscope, light, grid, fourier, method=method, thickness=thickness)
-            fourier.numpy(spectra[0, 0])
-            poses.append(clock() - begun)
-            begun = clock()
-            images(spectra, microscope, light, grid, fourier, FOCUS)
-            looks.append((clock() - begun) / len(FOCUS))
-        pose, look = min(poses[1:]), min(looks[1:])
-        rows.append((label((method, thickness)), f"{1 / pose:.3g}", f"{1 / look:.3g}"))
-        data["seconds"][f"{method} {thickness}"] = {"pose": pose, "image": look}
-    begun = clock()
-    scattered_spectra(Specimen.of_spheres(rod[[0, 2, 4]], 0.75, 1.52), microscope, light, grid, fourier)
-    data["seconds"]["mie"] = {"pose": clock() - begun}
-    rows.append(("exact, three spheres", f"{1 / data['seconds']['mie']['pose']:.2g}", rows[0][2]))
-    return Table(title="Poses and images a second, 128 × 128 points, 61 source points, a robot 5 µm high",
-                 head=("method", "poses/s", "images/s"), rows=rows,
-                 note=f"Transforms by {fourier.library}; one core's processor time on a CPU.")  # fmt: skip
+    times = []
+    for _ in range(rounds + 1):
+        wp.synchronize_device(fourier.device)
+        begun = clock()
+        found = work()
+        wp.synchronize_device(fourier.device)
+        times.append(clock() - begun)
+    return min(times[1:]), found
 
 
 def beside_deeptrack(fourier: Fourier, rounds: int, data: dict[str, Any]) -> Table:

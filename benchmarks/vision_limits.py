@@ -10,12 +10,13 @@ import numpy as np
 from otwarp.bench.report import Table
 from otwarp.vision.exact import scattered_spectra
 from otwarp.vision.fourier import Fourier
-from otwarp.vision.grid import Grid
+from otwarp.vision.grid import Grid, axial_wavenumbers
 from otwarp.vision.illumination import Illumination, illumination, lattice
 from otwarp.vision.image import images
 from otwarp.vision.microscope import Microscope
-from otwarp.vision.propagation import axial_wavenumbers, propagate, sliced
+from otwarp.vision.propagation import propagate
 from otwarp.vision.rendering import Rendering, expose, grid_for
+from otwarp.vision.slices import sliced
 from otwarp.vision.specimen import Specimen
 
 GRID = Grid(128, 128, 128, 128, 0.11)

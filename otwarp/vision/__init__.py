@@ -8,10 +8,12 @@ Lengths are µm; light travels along +z, x points right and y up in an image, wh
     specimen, grid, fourier    solids; where light is computed and looked at; arrays that FFTs and kernels share
     sampling, illumination     how many points of the condenser an image needs, and how much margin; these points,
                                whose waves do not interfere
+    slices, slices_together    solids cut into slices, and light led through them: one specimen, as a CPU likes it, or
+                               many at once, which a GPU needs
     propagation                light through any solids, slice by slice
     harmonics, scattering      exact light of several spheres: vector spherical waves, and what passes between spheres
     pupil, exact, image        the objective; spectra of exact light; intensities in focal planes
-    rendering                  all of these together: `expose` once, look in many planes
+    rendering                  all of these together: `expose` once, look in many planes; `render_many` poses at once
     frame                      which solids of a scene an image is computed of
     view, replay, moment       a scene's camera and bodies; how they move in an exposure; where they are at a time
     pictures                   what the camera records of it
@@ -36,6 +38,7 @@ if TYPE_CHECKING:
     from otwarp.vision.rendering import Rendering as Rendering
     from otwarp.vision.rendering import expose as expose
     from otwarp.vision.rendering import render as render
+    from otwarp.vision.rendering import render_many as render_many
     from otwarp.vision.sensor import Sensor as Sensor
     from otwarp.vision.specimen import Specimen as Specimen
 
@@ -45,7 +48,7 @@ __getattr__, __dir__ = lazy_names(
         "microscope": ("Microscope",),
         "moment": ("moments",),
         "pictures": ("picture",),
-        "rendering": ("Rendering", "expose", "render"),
+        "rendering": ("Rendering", "expose", "render", "render_many"),
         "sensor": ("Sensor",),
         "specimen": ("Specimen",),
     },

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from otwarp.vision.fourier import Fourier
-from otwarp.vision.grid import Grid
+from otwarp.vision.grid import Grid, axial_wavenumbers
 from otwarp.vision.illumination import Illumination
 from otwarp.vision.microscope import Microscope
-from otwarp.vision.propagation import axial_wavenumbers
 from otwarp.vision.scattering import Cluster, frame
 from otwarp.vision.specimen import Specimen
 

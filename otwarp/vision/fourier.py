@@ -93,6 +93,24 @@ class Fourier:
         fft = _torch().fft
         return fft.ifft(fft.ifft(spectrum, n=m, dim=-2, norm="forward"), n=m, dim=-1, norm="forward").contiguous()
 
+    def fields(self, spectra: Any) -> Any:
+        """(…, m, m) fields, but for a phase, of spectra (…, m, m); with torch."""
+        return _torch().fft.ifft2(spectra, norm="forward").contiguous()
+
+    def landing(self, *shape: int) -> Any:
+        """Memory of the host for float32 numbers of the device, which a GPU writes at full speed; with torch."""
+        return _torch().empty(shape, dtype=_torch().float32, pin_memory=self.device.is_cuda)
+
+    def land(self, array: Any, landing: Any) -> None:
+        """Begin to copy numbers to such memory; they are there when `landed` returns."""
+        landing.copy_(array, non_blocking=True)
+
+    def landed(self, landing: Any) -> np.ndarray:
+        """Such memory, all of it written."""
+        if self.device.is_cuda:
+            _torch().cuda.synchronize(self._torch_device)
+        return landing.numpy()
+
     def resampled(self, images: Any, pixels: int, blur: Any) -> Any:
         """(…, pixels, pixels) of real images (…, m, m) of the same square, each frequency times `blur`; with torch."""
         fft = _torch().fft
@@ -105,6 +123,14 @@ class Fourier:
         here, k = (torch.from_numpy(np.asarray(a, dtype=float)).to(self._torch_device) for a in (at, vectors))
         phase = torch.tensordot(here, k, dims=1)
         return torch.complex(torch.cos(phase).float(), torch.sin(phase).float())
+
+    def complex(self, real: Any, imaginary: Any) -> Any:
+        """Complex numbers of two arrays of float32; with torch."""
+        return _torch().complex(real, imaginary)
+
+    def turned(self, phase: Any) -> Any:
+        """e^{i phase} − 1, as exact for small phases; with torch."""
+        return self.complex(-2.0 * (0.5 * phase).sin() ** 2, phase.sin())
 
     def inverse(self, values: Any, n: int, axis: int) -> Any:
         """Fields along an axis, of the first components of n."""
@@ -131,7 +157,7 @@ class Corner:
     """Fields in a small box, of a band of frequencies, and back.
 
     Fields are those of the components 0 to b − 1: but for a phase that depends on place alone, and goes with the way
-    back, those of any b neighbours. On a CPU small boxes are products with matrices, which do more arithmetic than fast
+    back, those of any b neighbours. Small boxes are products with matrices, which do more arithmetic than fast
     transforms, in a fraction of the time.
 
     Args:
@@ -145,7 +171,7 @@ class Corner:
         self._fourier, self._n, self._b, self._size = fourier, n, b, (height, width)
         small = min(width, height)
         arithmetic = 8 * b * small * (b + max(width, height))
-        self._dense = not fourier.device.is_cuda and arithmetic < DENSE * 5 * n * math.log2(n) * (b + small)
+        self._dense = arithmetic < DENSE * 5 * n * math.log2(n) * (b + small)
         if self._dense:
             phase = 2.0 * math.pi / n * np.outer(np.arange(b), np.arange(max(width, height)))
             waves = np.exp(1j * phase)
@@ -189,7 +215,8 @@ def padded(spectrum: Any, m: int, pixels: int) -> Any:
 
 
 DENSE = 12
-"""How many times as fast a CPU multiplies matrices as it transforms, for the same arithmetic; no more than a choice."""
+"""How many times as fast matrices are multiplied as transformed, for the same arithmetic; no more than a choice. On an
+H100 32 × 61 fields of 26 × 11 points and back are 0.40 ms by matrices and 1.1 ms one way by transforms."""
 
 
 @functools.cache

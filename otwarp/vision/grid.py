@@ -78,6 +78,13 @@ def grid_of(
     return Grid(width, high, pixels, cells, microscope.pixel)
 
 
+def axial_wavenumbers(k: float, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
+    """Axial wavenumber of every component of the spectrum [1/µm], 0 where it fades; and whether it travels."""
+    x, y = grid.wavenumbers()
+    square = k * k - x * x - y * y
+    return np.sqrt(np.maximum(square, 0.0)), square > 0.0
+
+
 def _fast(count: int) -> int:
     """The next larger number of points whose Fourier transform is quick."""
     found = next_fast_len(count)

@@ -11,15 +11,18 @@ import warp as wp
 from scipy.fft import next_fast_len
 
 from otwarp.vision.fourier import Fourier, padded
-from otwarp.vision.grid import Grid
+from otwarp.vision.grid import Grid, axial_wavenumbers
 from otwarp.vision.illumination import Illumination
-from otwarp.vision.kernels.intensity import add_intensities, add_intensity_at_once
+from otwarp.vision.kernels.intensity import add_intensities, add_intensity_at_once, pass_objective
 from otwarp.vision.microscope import Microscope
-from otwarp.vision.propagation import BATCH_BYTES, axial_wavenumbers
 from otwarp.vision.pupil import pupil, sheared
+from otwarp.vision.slices import BATCH_BYTES
 
-PLANE_BYTES = 2**29
+PLANE_BYTES = 2**28
 """Of the fields of all sources in focal planes that a GPU works on together."""
+
+MOST_PLANES = 1024
+"""Whose phases a GPU keeps at once."""
 
 DARK = 1e-6
 """Share of light below which a background of differential interference contrast counts as dark."""
@@ -50,12 +53,30 @@ def images(
         focus: (f) heights of the focal planes [µm].
         shift: (f, 2) by which the specimen is seen moved in each (x, y) [µm]; None: nowhere.
     """
+    return images_many(spectra[None], microscope, light, grid, fourier, focus, shift)[0]
+
+
+def images_many(
+    spectra: Any,
+    microscope: Microscope | Sequence[Microscope],
+    light: Illumination,
+    grid: Grid,
+    fourier: Fourier,
+    focus: Sequence[float] | np.ndarray,
+    shift: np.ndarray | None = None,
+) -> np.ndarray:
+    """(p, f, pixels, pixels) intensities of many specimens in the same focal planes, of each as `images` has them.
+
+    Args:
+        spectra: (p, s, cells, cells) of `propagate_many`, or (p, 2, s, cells, cells).
+        microscope, light, grid, fourier, focus, shift: As of `images`.
+    """
     n, p, device = grid.cells, grid.pixels, fourier.device
     objectives = [microscope] * len(focus) if isinstance(microscope, Microscope) else list(microscope)
-    fields = spectra.reshape(-1, *spectra.shape[-2:])
+    fields = spectra.reshape(len(spectra), -1, *spectra.shape[-2:])
     if not objectives:
-        return np.zeros((0, p, p), dtype=np.float32)
-    reach = max(int(o.cutoff * grid.length / (2.0 * math.pi)) for o in objectives)
+        return np.zeros((len(fields), 0, p, p), dtype=np.float32)
+    reach = max(int(o.cutoff * grid.length / (2.0 * math.pi)) for o in {id(o): o for o in objectives}.values())
     # beats of waves through the objective need so many points; pixels that are finer say nothing more
     m = min(p, next_fast_len(4 * reach + 1) or p)
     reach = min(reach, (min(n, m) - 1) // 2)
@@ -65,38 +86,46 @@ def images(
     axial = axial_wavenumbers(objectives[0].wavenumber, grid)[0][here]
     # an image is looked at in the middles of its pixels; the specimen's origin is the middle of one of them
     corner = np.tile([(p // 2) * grid.pixel], (len(focus), 2)) + (0.0 if shift is None else np.asarray(shift))
-    blur = _pixel_response(p)
-    weight, through, seen, last = axial, axial, some, None
-    plans: list[tuple[Any, Any, Any, list[np.ndarray]]] = []
-    for (x, y), z, objective in zip(corner, focus, objectives, strict=True):
-        if objective != last:
-            whole, last = pupil(objective, grid), objective
-            through, weight = whole[here], np.tile(_weights(light, whole, objective), len(some) // len(light.weights))
-            weight, seen = weight.astype(np.float32), _interfering(some, objective, light, grid, fourier, here)
-            plans.append((seen, weight, through, []))
-        plans[-1][3].append(np.array([-x, -y, z]))
+    ways = np.column_stack([-corner, np.asarray(focus, dtype=float)])
     waves = np.stack([*(q[here] for q in grid.wavenumbers()), axial])
     look = _planes_together if device.is_cuda else _planes_in_turn
-    return np.concatenate([look(*plan, waves, m, blur, fourier) for plan in plans])
+    out, blur = [], _pixel_response(p)
+    for first, last in _runs(objectives):
+        objective = objectives[first]
+        whole = pupil(objective, grid)
+        weight = np.tile(_weights(light, whole, objective), some.shape[1] // len(light.weights)).astype(np.float32)
+        seen = _interfering(some, objective, light, grid, fourier, here)
+        out.append(look(seen, weight, whole[here], ways[first:last], waves, m, blur, fourier))
+    return out[0] if len(out) == 1 else np.concatenate(out, axis=1)
+
+
+def _runs(objectives: Sequence[Microscope]) -> list[tuple[int, int]]:
+    """First and beyond the last of neighbouring planes that are looked at through the same objective."""
+    starts = [0]
+    for n in range(1, len(objectives)):
+        before = objectives[n - 1]
+        if objectives[n] is not before and objectives[n] != before:
+            starts.append(n)
+    return list(zip(starts, [*starts[1:], len(objectives)], strict=True))
 
 
 def _planes_in_turn(
     fields: Any,
     weight: np.ndarray,
     through: np.ndarray,
-    ways: Sequence[np.ndarray],
+    ways: np.ndarray,
     waves: np.ndarray,
     m: int,
     blur: np.ndarray,
     fourier: Fourier,
 ) -> np.ndarray:
-    """(f, pixels, pixels) images, plane by plane: as few fields at once as stay in the cache of a CPU.
+    """(q, f, pixels, pixels) images, plane by plane: as few fields at once as stay in the cache of a CPU.
 
     Args:
-        fields: (s, b, b) spectra.
+        fields: (q, s, b, b) spectra.
         weight: (s) share of each in the image.
         through: (b, b) what the objective leaves of each component.
-        ways: (f) vectors (3) from the origin of the fields to that of each image [µm].
+        ways: (f, 3) vectors from the origin of the fields to that of each image [µm].
         waves: (3, b, b) wave vector of each component [1/µm].
         m: Points along each side in which light is squared.
         blur: (pixels, pixels // 2 + 1) what pixels leave of each frequency.
@@ -104,16 +133,18 @@ def _planes_in_turn(
     """
     p, device = len(blur), fourier.device
     count = max(1, BATCH_BYTES // (8 * m * m))
-    out = np.zeros((len(ways), p, p), dtype=np.float32)
+    out = np.zeros((len(fields), len(ways), p, p), dtype=np.float32)
     for f, way in enumerate(ways):
         phase = way[2] * waves[2] + way[0] * waves[0] + way[1] * waves[1]
-        plane, image = fourier.array(through * np.exp(1j * phase)), fourier.array(np.zeros(m * m, dtype=np.float32))
-        for start in range(0, len(fields), count):
-            field = fourier.image(fields[start : start + count] * plane, m)
-            shares = fourier.array(weight[start : start + count])
-            inputs = [fourier.warp(field.reshape(-1, m * m)), fourier.warp(shares), fourier.warp(image)]
-            wp.launch(add_intensity_at_once, dim=1, inputs=inputs, device=device)
-        out[f] = _resampled(fourier.numpy(image).reshape(m, m), p, blur)
+        plane = fourier.array(through * np.exp(1j * phase))
+        for q, mine in enumerate(fields):
+            image = fourier.array(np.zeros(m * m, dtype=np.float32))
+            for start in range(0, len(mine), count):
+                field = fourier.image(mine[start : start + count] * plane, m)
+                shares = fourier.array(weight[start : start + count])
+                inputs = [fourier.warp(field.reshape(-1, m * m)), fourier.warp(shares), fourier.warp(image)]
+                wp.launch(add_intensity_at_once, dim=1, inputs=inputs, device=device)
+            out[q, f] = _resampled(fourier.numpy(image).reshape(m, m), p, blur)
     return out
 
 
@@ -121,25 +152,34 @@ def _planes_together(
     fields: Any,
     weight: np.ndarray,
     through: np.ndarray,
-    ways: Sequence[np.ndarray],
+    ways: np.ndarray,
     waves: np.ndarray,
     m: int,
     blur: np.ndarray,
     fourier: Fourier,
 ) -> np.ndarray:
     """The same on a GPU, which is only filled by many planes at once, and where phases are taken as well."""
-    p, device, s = len(blur), fourier.device, len(fields)
-    count = max(1, PLANE_BYTES // (8 * s * m * m))
+    if len(ways) > MOST_PLANES:
+        parts = [ways[start : start + MOST_PLANES] for start in range(0, len(ways), MOST_PLANES)]
+        seen = [_planes_together(fields, weight, through, part, waves, m, blur, fourier) for part in parts]
+        return np.concatenate(seen, axis=1)
+    p, device, (poses, s, b, _), planes = len(blur), fourier.device, fields.shape, len(ways)
+    pages = poses * planes
+    count = max(1, min(pages, PLANE_BYTES // (8 * s * m * m)))
     shares, response = fourier.warp(fourier.array(weight)), fourier.array(blur)
-    out, passes = np.zeros((len(ways), p, p), dtype=np.float32), fourier.array(through)
-    for start in range(0, len(ways), count):
-        some = passes * fourier.waves(np.stack(ways[start : start + count]), waves)
-        field = fourier.image(fields * some[:, None], m).reshape(len(some), s, m * m)
-        image = fourier.array(np.zeros((len(some), m * m), dtype=np.float32))
+    lenses = (fourier.array(through) * fourier.waves(ways, waves)).reshape(planes, b * b)
+    known = [fourier.warp(fields.reshape(poses * s, b * b)), fourier.warp(lenses)]
+    behind, out = fourier.zeros(count, s, m, m), fourier.landing(pages, p, p)
+    for start in range(0, pages, count):
+        mine = behind[: min(count, pages - start)]
+        inputs = [*known, start, planes, s, b, m, fourier.warp(mine.reshape(-1, m * m))]
+        wp.launch(pass_objective, dim=(len(mine), s, m * m), inputs=inputs, device=device)
+        field = fourier.fields(mine).reshape(len(mine), s, m * m)
+        image = fourier.array(np.zeros((len(mine), m * m), dtype=np.float32))
         inputs = [fourier.warp(field), shares, fourier.warp(image)]
-        wp.launch(add_intensities, dim=(len(some), m * m), inputs=inputs, device=device)
-        out[start : start + len(some)] = fourier.numpy(fourier.resampled(image.reshape(-1, m, m), p, response))
-    return out
+        wp.launch(add_intensities, dim=(len(mine), m * m), inputs=inputs, device=device)
+        fourier.land(fourier.resampled(image.reshape(-1, m, m), p, response), out[start : start + len(mine)])
+    return fourier.landed(out).reshape(poses, planes, p, p)
 
 
 def _resampled(image: np.ndarray, pixels: int, blur: np.ndarray) -> np.ndarray:

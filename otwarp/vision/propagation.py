@@ -18,85 +18,19 @@ Waves that fade within the medium are left out.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any, Literal
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
-import warp as wp
 
 from otwarp.errors import InputError
-from otwarp.vision.fourier import Corner, Fourier
-from otwarp.vision.grid import Grid
+from otwarp.vision.fourier import Fourier
+from otwarp.vision.grid import Grid, axial_wavenumbers
 from otwarp.vision.illumination import Illumination
-from otwarp.vision.kernels.advance import add_scattered, add_scattered_by_source, carry, carry_by_source
-from otwarp.vision.kernels.voxels import fill_cells
 from otwarp.vision.microscope import Microscope
+from otwarp.vision.slices import METHODS, Method, pass_in_turn, sliced
+from otwarp.vision.slices_together import GROUP_BYTES, Stacks, Waves, pass_together
 from otwarp.vision.specimen import Specimen
-
-Method = Literal["two_index", "beam", "projection"]
-METHODS = ("two_index", "beam", "projection")
-"""Rungs of the ladder that take any shape, from the most to the least exact; all cost about the same per slice."""
-
-BATCH_BYTES = 2**20
-"""Of the spectra that go through a specimen together on a CPU: so much stays in its cache."""
-
-
-@dataclass(frozen=True, eq=False)
-class Slices:
-    """A specimen as slices, of which empty ones are left out.
-
-    Attributes:
-        corner: Cell of the grid where the box around the specimen begins (x, y).
-        middle: (m) height of the middle of each slice [µm].
-        thickness: Of all of them [µm].
-        filled: Per index, (m, height, width) share of each cell.
-    """
-
-    corner: tuple[int, int]
-    middle: np.ndarray
-    thickness: float
-    filled: dict[float, Any]
-
-
-def sliced(specimen: Specimen, grid: Grid, fourier: Fourier, thickness: float) -> Slices:
-    """Cut a specimen into slices.
-
-    Args:
-        specimen: With the optical axis at x = y = 0.
-        grid: Its square must hold the specimen.
-        fourier: Where.
-        thickness: Of a slice, at most [µm].
-
-    Raises:
-        InputError: The specimen reaches beyond the square.
-    """
-    low, high = specimen.low, specimen.high
-    half, dx = 0.5 * grid.length, grid.spacing
-    if np.any(low[:2] < -half) or np.any(high[:2] > half):
-        worst = max(np.abs(low[:2]).max(), np.abs(high[:2]).max())
-        raise InputError(f"the specimen reaches {worst:.3g} µm from the optical axis; allowed: up to {half:.3g} µm, "
-                         "the image and its margin")  # fmt: skip
-    first = np.floor((low[:2] + half) / dx).astype(int)
-    count = np.ceil((high[:2] + half) / dx).astype(int) - first
-    layers = max(1, math.ceil((high[2] - low[2]) / thickness - 1e-9))
-    h = (high[2] - low[2]) / layers
-    corner = wp.vec3(*(first * dx - half), low[2])
-    size = wp.vec3(dx, dx, h)
-    filled, device = {}, fourier.device
-    for index in specimen.indices():
-        mine = specimen.index == index
-        solids = [wp.array(a[mine], dtype=wp.vec3, device=device) for a in (specimen.start, specimen.end)]
-        radius = wp.array(specimen.radius[mine], dtype=float, device=device)
-        share = fourier.array(np.zeros((layers, count[1], count[0]), np.float32))
-        wp.launch(
-            fill_cells, dim=share.shape, inputs=[*solids, radius, corner, size, fourier.warp(share)], device=device
-        )
-        filled[float(index)] = share
-    some = np.any([fourier.numpy(f).any(axis=(1, 2)) for f in filled.values()], axis=0)
-    keep = np.flatnonzero(some)
-    if len(keep) < layers:
-        filled = {index: share[keep] for index, share in filled.items()}
-    return Slices((int(first[0]), int(first[1])), low[2] + (keep + 0.5) * h, h, filled)
 
 
 def propagate(
@@ -128,40 +62,122 @@ def propagate(
     Raises:
         InputError: An unknown method, or a specimen outside the grid.
     """
+    return propagate_many([specimen], microscope, light, grid, fourier, method=method, thickness=thickness)[0]
+
+
+def propagate_many(
+    specimens: Sequence[Specimen],
+    microscope: Microscope,
+    light: Illumination,
+    grid: Grid,
+    fourier: Fourier,
+    *,
+    method: Method = "two_index",
+    thickness: float = 0.1,
+) -> Any:
+    """Light that has passed each of many specimens, which alone do not fill a GPU; on a CPU one after the other.
+
+    Args:
+        specimens: (p) of them, or one body in so many poses.
+        microscope, light, grid, fourier, method, thickness: As of `propagate`.
+
+    Returns:
+        (p, s, cells, cells) complex64, of each what `propagate` returns, to rounding.
+
+    Raises:
+        InputError: As `propagate`.
+    """
     if method not in METHODS:
         raise InputError(f"method is {method!r}; allowed: {', '.join(METHODS)}, mie")
     if not (math.isfinite(thickness) and thickness > 0.0):
         raise InputError(f"thickness of slices is {thickness:g} µm; allowed: above 0")
-    n, sources = grid.cells, len(light.weights)
-    # waves that travel in the medium, side by side: nothing else is kept
-    reach = min(int(microscope.wavenumber * grid.length / (2.0 * math.pi)), (n - 1) // 2)
-    here = np.ix_(*(np.arange(-reach, reach + 1) % n,) * 2)
-    axial, travels = (a[here] for a in axial_wavenumbers(microscope.wavenumber, grid))
-    b = 2 * reach + 1
-    # while light passes, the origin is the middle of the first cell of the box around the specimen
+    sources, here = len(light.weights), components(microscope, grid)
+    out = fourier.zeros(len(specimens), sources, grid.cells, grid.cells)
+    if fourier.device.is_cpu:
+        for p, specimen in enumerate(specimens):
+            out[p] = _one(specimen, microscope, light, grid, here, fourier, method, thickness)
+        return out
+    # neighbours in this order have about as many slices
+    order = sorted(range(len(specimens)), key=lambda p: float(np.ptp((specimens[p].low[2], specimens[p].high[2]))))
+    count = max(1, GROUP_BYTES // (8 * sources * here[0].size ** 2))
+    for start in range(0, len(order), count):
+        group = order[start : start + count]
+        some = [specimens[p] for p in group]
+        out[group] = passed_together(some, microscope, light, grid, here, fourier, method, thickness)
+    return out
+
+
+def components(microscope: Microscope, grid: Grid) -> tuple[np.ndarray, ...]:
+    """Where waves that travel in the medium stand in a spectrum (cells, cells), side by side: nothing else is kept."""
+    reach = min(int(microscope.wavenumber * grid.length / (2.0 * math.pi)), (grid.cells - 1) // 2)
+    return np.ix_(*(np.arange(-reach, reach + 1) % grid.cells,) * 2)
+
+
+def _one(
+    specimen: Specimen,
+    microscope: Microscope,
+    light: Illumination,
+    grid: Grid,
+    here: tuple[np.ndarray, ...],
+    fourier: Fourier,
+    method: Method,
+    thickness: float,
+) -> Any:
+    """(s, cells, cells) light that has passed a specimen, of the components `here` of the spectrum."""
     slices = sliced(specimen, grid, fourier, thickness) if len(specimen) else None
-    at = np.zeros(2) if slices is None else (np.array(slices.corner) + 0.5) * grid.spacing - 0.5 * grid.length
-    x, y = (q[here] for q in grid.wavenumbers())
-    shift = x * at[0] + y * at[1]
+    shift = _shift(None if slices is None else slices.corner, grid, here)
     amplitude = _incoming(microscope, light, grid, here, shift, fourier)
     if slices is not None:
-        count = max(1, BATCH_BYTES // (8 * b * b)) if not fourier.device.is_cuda else sources
-        media = _media(specimen, microscope, grid, slices, here, fourier, method)
-        middles = slices.middle if method != "projection" else slices.middle.mean(keepdims=True)
-        carriers = _carriers(middles, axial, travels, fourier)
-        height, width = media[0][0].shape[1:]
-        corner = fourier.corner(n, b, width, height)
-        for start in range(0, sources, count):
-            _pass(amplitude[start : start + count], carriers, media, corner, fourier)
+        pass_in_turn(specimen, slices, amplitude, microscope, grid, here, fourier, method)
+    return _outgoing(amplitude, shift, microscope, grid, here, fourier)
+
+
+def passed_together(
+    specimens: Sequence[Specimen],
+    microscope: Microscope,
+    light: Illumination,
+    grid: Grid,
+    here: tuple[np.ndarray, ...],
+    fourier: Fourier,
+    method: Method,
+    thickness: float,
+) -> Any:
+    """(p, s, cells, cells) light that has passed so few specimens that their spectra fit the device; with torch."""
+    solid = [n for n, specimen in enumerate(specimens) if len(specimen)]
+    some = [specimens[n] for n in solid]
+    stacks = Stacks.of(some, grid, thickness) if some else None
+    shift = _shift(None if stacks is None else stacks.corner, grid, here)
+    amplitude = _incoming(microscope, light, grid, here, shift, fourier)[None].repeat(len(specimens), 1, 1, 1)
+    if stacks is not None:
+        waves = Waves.of(microscope, np.unique(np.concatenate([s.index for s in some])), grid, here, fourier)
+        passed = amplitude if len(some) == len(specimens) else amplitude[solid]
+        pass_together(some, stacks, passed, waves, grid, fourier, method)
+        amplitude[solid] = passed
+    return _outgoing(amplitude, shift, microscope, grid, here, fourier)
+
+
+def _shift(corner: tuple[int, int] | None, grid: Grid, here: tuple[np.ndarray, ...]) -> np.ndarray:
+    """(b, b) phases of moving the origin to the middle of the first cell of the box around a specimen.
+
+    It is there while light passes.
+    """
+    at = np.zeros(2) if corner is None else (np.array(corner) + 0.5) * grid.spacing - 0.5 * grid.length
+    x, y = (q[here] for q in grid.wavenumbers())
+    return x * at[0] + y * at[1]
+
+
+def _outgoing(
+    amplitude: Any,
+    shift: np.ndarray,
+    microscope: Microscope,
+    grid: Grid,
+    here: tuple[np.ndarray, ...],
+    fourier: Fourier,
+) -> Any:
+    """(…, cells, cells) spectra of amplitudes (…, b, b), with the origin in the middle of the grid again."""
+    travels = axial_wavenumbers(microscope.wavenumber, grid)[1][here]
     amplitude *= fourier.array(np.where(travels, np.exp(-1j * shift), 0.0))
-    return fourier.embedded(amplitude, n)
-
-
-def axial_wavenumbers(k: float, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
-    """Axial wavenumber of every component of the spectrum [1/µm], 0 where it fades; and whether it travels."""
-    x, y = grid.wavenumbers()
-    square = k * k - x * x - y * y
-    return np.sqrt(np.maximum(square, 0.0)), square > 0.0
+    return fourier.embedded(amplitude, grid.cells)
 
 
 def _incoming(
@@ -195,73 +211,3 @@ def _curved(microscope: Microscope, grid: Grid) -> np.ndarray:
     bend = microscope.wavenumber * microscope.illumination_curvature * (grid.length / (2.0 * math.pi)) ** 2
     line = np.fft.fft(np.exp(1j * bend * (1.0 - np.cos(x)))) / grid.cells
     return line[:, None] * line[None, :]
-
-
-def _media(
-    specimen: Specimen,
-    microscope: Microscope,
-    grid: Grid,
-    slices: Slices,
-    here: tuple[np.ndarray, ...],
-    fourier: Fourier,
-    method: Method,
-) -> list[tuple[Any, Any]]:
-    """Per index: what multiplies the field within a slice (m, height, width), and what multiplies its spectrum."""
-    vacuum, out = 2.0 * math.pi / microscope.wavelength, []
-    axial, travels = (a[here] for a in axial_wavenumbers(microscope.wavenumber, grid))
-    for index, share in slices.filled.items():
-        if method == "two_index":
-            inside = axial_wavenumbers(vacuum * index, grid)[0][here]
-            gain = np.where(travels, np.exp(1j * (inside - axial) * slices.thickness) - 1.0, 0.0)
-            delay = vacuum * (index - microscope.medium_index) * slices.thickness
-            out.append((fourier.array(_mixed(fourier.numpy(share), delay)), fourier.array(gain)))
-        else:
-            delay = vacuum * (index - microscope.medium_index) * slices.thickness
-            phase = fourier.numpy(share) * delay
-            out.append((fourier.array(np.exp(1j * phase) - 1.0), fourier.array(travels.astype(complex))))
-    if method == "projection":
-        phase = sum(fourier.numpy(share).sum(axis=0) * vacuum * (index - microscope.medium_index) * slices.thickness
-                    for index, share in slices.filled.items())  # fmt: skip
-        out = [(fourier.array(np.exp(1j * phase)[None] - 1.0), fourier.array(travels.astype(complex)))]
-    return out
-
-
-def _mixed(share: np.ndarray, delay: float) -> np.ndarray:
-    """What cells that a solid fills in part count for: μ, such that light along the axis gains e^{i share·delay}.
-
-    Adding the shares of light that went on inside and outside, 1 + share (e^{i delay} − 1), would lose what is out of
-    phase: of a sphere of 2.5 µm with n = 1.59 in slices of 0.2 µm, 1.3 % of the light of a square of 14 µm.
-    """
-    if abs(np.exp(1j * delay) - 1.0) < 1e-6:  # no solid to be seen
-        return share
-    return (np.exp(1j * delay * share) - 1.0) / (np.exp(1j * delay) - 1.0)
-
-
-def _carriers(middles: np.ndarray, axial: np.ndarray, travels: np.ndarray, fourier: Fourier) -> list[Any]:
-    """What travelling to the middle of each slice makes of every component of the spectrum."""
-    out, at = [], 0.0
-    phase, step, gap = travels.astype(complex), np.ones_like(axial, dtype=complex), 0.0
-    for z in middles:
-        if abs((z - at) - gap) > 1e-9:
-            gap = z - at
-            step = np.exp(1j * axial * gap)
-        phase, at = phase * step, z
-        out.append(fourier.array(phase.ravel()))
-    return out
-
-
-def _pass(amplitude: Any, carriers: list[Any], media: list[tuple[Any, Any]], corner: Corner, fourier: Fourier) -> None:
-    """Lead the amplitudes (s, b, b) of some sources through all slices."""
-    gpu, device = fourier.device.is_cuda, fourier.device
-    sources, b, _ = amplitude.shape
-    spectrum = fourier.zeros(sources, b, b)
-    flat = [fourier.warp(a.reshape(sources, b * b)) for a in (amplitude, spectrum)]
-    gains = [fourier.warp(gain.reshape(b * b)) for _, gain in media]
-    each = (sources, b * b) if gpu else sources
-    for m, carrier in enumerate(fourier.warp(c) for c in carriers):
-        wp.launch(carry if gpu else carry_by_source, dim=each, inputs=[carrier, *flat], device=device)
-        field = corner.field(spectrum)
-        for (share, _), gain in zip(media, gains, strict=True):
-            scattered = corner.spectrum(field * share[m]).reshape(sources, b * b)
-            inputs = [fourier.warp(scattered), gain, carrier, flat[0]]
-            wp.launch(add_scattered if gpu else add_scattered_by_source, dim=each, inputs=inputs, device=device)

@@ -6,10 +6,9 @@ import math
 
 import numpy as np
 
-from otwarp.vision.grid import Grid
+from otwarp.vision.grid import Grid, axial_wavenumbers
 from otwarp.vision.illumination import Illumination
 from otwarp.vision.microscope import Microscope
-from otwarp.vision.propagation import axial_wavenumbers
 
 
 def pupil(microscope: Microscope, grid: Grid) -> np.ndarray:

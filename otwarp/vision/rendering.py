@@ -15,10 +15,11 @@ from otwarp.vision.exact import scattered_spectra
 from otwarp.vision.fourier import Fourier
 from otwarp.vision.grid import Grid, grid_of
 from otwarp.vision.illumination import Illumination, illumination, lattice
-from otwarp.vision.image import images
+from otwarp.vision.image import images, images_many
 from otwarp.vision.microscope import Microscope
-from otwarp.vision.propagation import METHODS, propagate
+from otwarp.vision.propagation import propagate, propagate_many
 from otwarp.vision.sampling import distances, margin_needed, reaches, rings_needed, usual_planes
+from otwarp.vision.slices import METHODS
 from otwarp.vision.specimen import Specimen
 
 ALL_METHODS = (*METHODS, "mie")
@@ -262,6 +263,78 @@ def render(
     warn_if_few(specimen, microscope, width, width if height is None else height, focus, how)
     exposed = expose(specimen, microscope, width, height, focus=focus, rendering=how, fourier=fourier)
     return exposed.images(focus)
+
+
+MANY_BYTES = 2**31
+"""Of the spectra of many specimens that a GPU keeps at once."""
+
+
+def render_many(
+    specimens: Sequence[Specimen],
+    microscope: Microscope,
+    width: int,
+    height: int | None = None,
+    *,
+    focus: Sequence[float] | np.ndarray = (0.0,),
+    rendering: Rendering | None = None,
+    fourier: Fourier | None = None,
+) -> np.ndarray:
+    """(p, f, height, width) images of many specimens, of each those of `render`, to rounding; without its warning.
+
+    On a GPU those that need the same grid and source points are computed together, which one alone does not fill.
+
+    Args:
+        specimens: (p) of them, or one body in so many poses, with the optical axis at x = y = 0.
+        microscope, width, height, focus, rendering, fourier: As of `render`.
+
+    Raises:
+        InputError: As `expose`.
+    """
+    how, where, planes = rendering or Rendering(), fourier or Fourier(), np.asarray(focus, dtype=float)
+    high = width if height is None else height
+    out = np.zeros((len(specimens), len(planes), high, width))
+    if where.device.is_cpu or how.method == "mie":
+        for n, specimen in enumerate(specimens):
+            exposed = expose(specimen, microscope, width, high, focus=planes, rendering=how, fourier=where)
+            out[n] = exposed.images(planes)
+        return out
+    _render_together(specimens, microscope, planes, how, where, out)
+    return out
+
+
+def _render_together(
+    specimens: Sequence[Specimen],
+    microscope: Microscope,
+    planes: np.ndarray,
+    how: Rendering,
+    where: Fourier,
+    out: np.ndarray,
+) -> None:
+    """Add images (p, f, height, width) of specimens, those together that need the same grid and source points."""
+    high, width = out.shape[2:]
+    alike: dict[Any, list[int]] = {}
+    lit: dict[Any, list[tuple[Microscope, Illumination, float, list[Illumination]]]] = {}
+    for n, specimen in enumerate(specimens):
+        grid = grid_for(specimen, microscope, width, high, planes, how)
+        parts = []
+        for wavelength, share in microscope.lines():
+            one = microscope if microscope.bandwidth <= 0.0 else microscope.at(wavelength)
+            light = light_for(specimen, one, grid, planes, how)
+            parts.append((one, light, share, [light.enough(r) for r in reaches(one, specimen, planes)]))
+        key = (grid, *((p[1].steps.tobytes(), *(len(e.weights) for e in p[3])) for p in parts))
+        alike.setdefault(key, []).append(n)
+        lit[key] = parts
+    for key, group in alike.items():
+        for one, light, share, enough in lit[key]:
+            count = max(1, MANY_BYTES // (8 * len(light.weights) * key[0].cells ** 2))
+            for start in range(0, len(group), count):
+                some = group[start : start + count]
+                spectra = propagate_many([specimens[n] for n in some], one, light, key[0], where,
+                                         method=how.method, thickness=how.thickness)  # type: ignore[arg-type]  # fmt: skip
+                for points in dict.fromkeys(len(e.weights) for e in enough):
+                    at = [f for f, e in enumerate(enough) if len(e.weights) == points]
+                    seen = images_many(spectra[:, :points], one, enough[at[0]], key[0], where, planes[at])
+                    out[np.ix_(some, at)] += share * key[0].image(seen)
 
 
 def _other(microscope: Microscope, objective: Microscope) -> Microscope:

@@ -10,12 +10,12 @@ import pytest
 from otwarp.errors import InputError
 from otwarp.vision.exact import scattered_spectra
 from otwarp.vision.fourier import Fourier
-from otwarp.vision.grid import Grid
+from otwarp.vision.grid import Grid, axial_wavenumbers
 from otwarp.vision.illumination import illumination
 from otwarp.vision.image import _pixel_response, images
 from otwarp.vision.microscope import Microscope
-from otwarp.vision.propagation import axial_wavenumbers, propagate
-from otwarp.vision.rendering import Rendering, expose, render
+from otwarp.vision.propagation import propagate
+from otwarp.vision.rendering import Rendering, _render_together, expose, render, render_many
 from otwarp.vision.specimen import Specimen
 from tests.vision.mie import error, sphere_image
 
@@ -184,3 +184,19 @@ def test_a_condenser_off_the_axis_moves_what_is_out_of_focus(fourier: Fourier) -
     assert x == pytest.approx(3.0 * np.tan(np.arcsin(0.4 / 1.33)), abs=0.15)
     with pytest.raises(InputError, match=r"reach an aperture of 1.3[0-9]*; allowed: below 1.33"):
         microscope(condenser_aperture=0.4, condenser_x=0.95)
+
+
+def test_many_are_rendered_as_each_alone(device: str):
+    """Also where they are rendered together, as on a GPU: two colours, lattices and rings, planes near and far."""
+    microscope = Microscope(condenser_aperture=0.4, bandwidth=0.02)
+    places = ((0.5, 1.0), (0.4, -1.0), (0.0, 2.0))
+    specimens = [Specimen.of_spheres([[0.0, 0.0, z], [x, 0.5, 0.0]], 0.6, 1.5) for z, x in places]
+    fourier, planes = Fourier(device), np.array([0.0, 5.0])
+    for how in (Rendering(thickness=0.4, rings=4, margin="auto"), Rendering(thickness=0.4)):
+        alone = [render(s, microscope, 32, 24, focus=planes, rendering=how, fourier=fourier) for s in specimens]
+        together = np.zeros((3, 2, 24, 32))
+        _render_together(specimens, microscope, planes, how, fourier, together)
+        np.testing.assert_allclose(together, alone, atol=1e-5)
+        many = render_many(specimens, microscope, 32, 24, focus=planes, rendering=how, fourier=fourier)
+        np.testing.assert_allclose(many, alone, atol=1e-5)
+        assert np.ptp(together) > 0.5

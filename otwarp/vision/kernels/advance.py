@@ -18,24 +18,47 @@ def conjugate(a: wp.vec2f) -> wp.vec2f:
 
 
 @wp.kernel(enable_backward=False)
-def add_scattered(
-    scattered: wp.array2d(dtype=wp.vec2f),
-    gain: wp.array(dtype=wp.vec2f),
-    carrier: wp.array(dtype=wp.vec2f),
+def carry(
+    carrier: wp.array2d(dtype=wp.vec2f),
+    sources: int,
     amplitude: wp.array2d(dtype=wp.vec2f),
+    spectrum: wp.array2d(dtype=wp.vec2f),
 ):
-    """amplitude += gain · carrier* · scattered, for (source, component of the spectrum)."""
-    s, i = wp.tid()
-    amplitude[s, i] += times(times(gain[i], conjugate(carrier[i])), scattered[s, i])
+    """spectrum = carrier · amplitude, for (pose and source, component of the spectrum)."""
+    r, i = wp.tid()
+    spectrum[r, i] = times(carrier[r / sources, i], amplitude[r, i])
 
 
 @wp.kernel(enable_backward=False)
-def carry(
-    carrier: wp.array(dtype=wp.vec2f), amplitude: wp.array2d(dtype=wp.vec2f), spectrum: wp.array2d(dtype=wp.vec2f)
+def add_scattered(
+    scattered: wp.array2d(dtype=wp.vec2f),
+    gain: wp.array2d(dtype=wp.vec2f),
+    carrier: wp.array2d(dtype=wp.vec2f),
+    sources: int,
+    amplitude: wp.array2d(dtype=wp.vec2f),
 ):
-    """spectrum = carrier · amplitude, for (source, component of the spectrum)."""
-    s, i = wp.tid()
-    spectrum[s, i] = times(carrier[i], amplitude[s, i])
+    """amplitude += gain · carrier* · scattered, for (pose and source, component of the spectrum)."""
+    r, i = wp.tid()
+    p = r / sources
+    amplitude[r, i] += times(times(gain[p, i], conjugate(carrier[p, i])), scattered[r, i])
+
+
+@wp.kernel(enable_backward=False)
+def add_and_carry(
+    scattered: wp.array2d(dtype=wp.vec2f),
+    gain: wp.array2d(dtype=wp.vec2f),
+    carrier: wp.array2d(dtype=wp.vec2f),
+    following: wp.array2d(dtype=wp.vec2f),
+    sources: int,
+    amplitude: wp.array2d(dtype=wp.vec2f),
+    spectrum: wp.array2d(dtype=wp.vec2f),
+):
+    """`add_scattered`, and `carry` by the carrier of the following slice: the amplitude is read once."""
+    r, i = wp.tid()
+    p = r / sources
+    a = amplitude[r, i] + times(times(gain[p, i], conjugate(carrier[p, i])), scattered[r, i])
+    amplitude[r, i] = a
+    spectrum[r, i] = times(following[p, i], a)
 
 
 @wp.func_native("""

@@ -1,8 +1,37 @@
-"""Intensities of the points of a condenser, summed: they do not interfere."""
+"""Through the objective, and intensities of the points of a condenser, summed: they do not interfere."""
 
 from __future__ import annotations
 
 import warp as wp
+
+from otwarp.vision.kernels.advance import times
+
+
+@wp.kernel(enable_backward=False)
+def pass_objective(
+    spectrum: wp.array2d(dtype=wp.vec2f),
+    lens: wp.array2d(dtype=wp.vec2f),
+    first: int,
+    planes: int,
+    sources: int,
+    b: int,
+    m: int,
+    behind: wp.array2d(dtype=wp.vec2f),
+):
+    """behind = lens · spectrum, for (image from the first on, source, component of m × m), 0 beyond the first b × b.
+
+    Images are those of every pose in all planes, the poses (of `sources` spectra each) one after the other.
+    """
+    c, s, t = wp.tid()
+    pose = (first + c) / planes
+    plane = (first + c) - pose * planes
+    row = t / m
+    column = t - row * m
+    value = wp.vec2f(0.0, 0.0)
+    if row < b and column < b:
+        i = row * b + column
+        value = times(spectrum[pose * sources + s, i], lens[plane, i])
+    behind[c * sources + s, t] = value
 
 
 @wp.kernel(enable_backward=False)
