@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.hydrodynamics.mesh_surface import sample_mesh
+from otwarp.triangles import read_triangles
 
 MOST_CELLS = 20_000_000
 """Cells of the box around a mesh; one that needs more is too thin or too sparse for balls anyway."""
@@ -54,31 +54,10 @@ def closed_mesh(mesh: Any, scale: float = 1.0) -> ClosedMesh:
     Raises:
         InputError: No such file, the package trimesh is missing, or the surface is not closed.
     """
-    try:
-        import trimesh
-    except ImportError:
-        raise InputError("argument mesh: needs the package trimesh: pip install 'otwarp[mesh]'") from None
     if not (np.isfinite(scale) and scale > 0.0):
         raise InputError(f"argument scale = {scale:g}: must be in (0, inf)")
-    name = "argument mesh"
-    if isinstance(mesh, (str, Path)):
-        name = str(mesh)
-        if not Path(mesh).is_file():
-            raise InputError(f"{name}: no such file; allowed: a file with a closed triangle mesh")
-        try:
-            mesh = trimesh.load_mesh(mesh, process=False)  # which would drop triangles with a corner that is none
-        except Exception as error:  # what its many readers raise has no common class
-            reason = " ".join(str(error).split())
-            raise InputError(f"{name}: {reason}; allowed: a file with a closed triangle mesh") from None
-    elif isinstance(mesh, tuple):
-        mesh = trimesh.Trimesh(np.asarray(mesh[0], dtype=float), np.asarray(mesh[1]), process=False)
-    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
-        raise InputError(f"{name}: no triangles; allowed: a closed triangle mesh")
-    wrong = np.flatnonzero(~np.isfinite(mesh.vertices[mesh.faces]).all(axis=(1, 2)))
-    if len(wrong):
-        corners = mesh.vertices[mesh.faces[wrong[0]]].tolist()
-        raise InputError(f"{name}: triangle {wrong[0]} has the corners {corners}; allowed: finite numbers")
-    mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, process=True)  # joins the corners that STL keeps apart
+    name, mesh = read_triangles(mesh, "argument mesh", "a closed triangle mesh")
+    mesh.process(validate=False)  # joins the corners that STL keeps apart
     if not (mesh.is_watertight and mesh.is_winding_consistent):
         raise InputError(f"{name}: the surface has holes or is turned inside out in parts; allowed: a closed one")
     vertices, triangles = scale * np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces, dtype=np.int64)

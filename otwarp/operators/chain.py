@@ -14,8 +14,9 @@ from otwarp.haptics.chain.chain import DEAD_MAN
 from otwarp.haptics.chain.motion import LONGEST_WINDOW
 from otwarp.haptics.core import DeviceInfo
 from otwarp.operators import constants as packing
-from otwarp.operators.kernels import chain as twin
+from otwarp.operators.kernels import chain_data as twin
 from otwarp.operators.kernels import local_model, orders
+from otwarp.operators.kernels.chain import step_kernel
 from otwarp.operators.kernels.features import ChainFeatures
 from otwarp.teleop.operators import HandPlan, LocalScene
 
@@ -48,7 +49,7 @@ class ChainBatch:
         energy: Out: (W, H) float64, as `ServoFrame.energy` [J].
         phase: Out: (W, H) int32, index into `otwarp.haptics.core.STATES`.
         holds: Out: (W, H) int32, whether the hand has hold of its traps.
-        cause: Out: (W, H) int32, index into `kernels.chain.CAUSES`: why it has disarmed by itself.
+        cause: Out: (W, H) int32, index into `kernels.chain_data.CAUSES`: why it has disarmed by itself.
 
     Raises:
         InputError: No hand, worlds not a whole number from 1 on, a trap without a law, a law that no operator can feel,
@@ -78,7 +79,7 @@ class ChainBatch:
         self._put_states(scene, features)
         self._owner = wp.array(scene.owner, dtype=wp.int32, device=self.device)
         self._launches = [
-            self._recorded(twin.step_kernel(one), [n for n, f in enumerate(features) if f == one])
+            self._recorded(step_kernel(one), [n for n, f in enumerate(features) if f == one])
             for one in dict.fromkeys(features)
         ]
         self.reset()

@@ -18,7 +18,7 @@ from otwarp.haptics.force.compiled import PackedLaws, model_of, packed_laws
 from otwarp.haptics.force.law import Law
 from otwarp.kernels.core.precision import kernel_module
 from otwarp.laws import local_rows
-from otwarp.operators.kernels import chain as twin
+from otwarp.operators.kernels import chain_data as twin
 from otwarp.operators.kernels.local_model import Felt, ForceTableData
 from otwarp.teleop.operators import HandPlan, LocalScene
 
@@ -121,7 +121,7 @@ def felt_by(configs: Sequence[HandConfig], local: LocalScene, traps: int | None)
 
 
 def put_constants(data: Any, configs: Sequence[HandConfig], scene: FeltScene, device: wp.Device) -> None:
-    """Fill the constants of `kernels.chain.ChainData`, one row per hand, and what hands feel."""
+    """Fill the constants of `kernels.chain_data.ChainData`, one row per hand, and what hands feel."""
     data.constants = _rows(twin.ChainConstants, [_of_chain(config) for config in configs], device)
     data.motion_constants = _rows(twin.MotionConstants, [_of_motion(config) for config in configs], device)
     data.passivity_constants = _rows(twin.PassivityConstants, [_of_passivity(config) for config in configs], device)

@@ -230,6 +230,7 @@ def first_word(process: subprocess.Popen[bytes], within: float, who: str) -> Any
     answer: list[Any] = []
 
     def listen() -> None:
+        """Wait for the message, or for the child's end."""
         try:
             answer.append(receive(cast(BinaryIO, process.stdout)))
         except (EOFError, OSError, ValueError):

@@ -67,6 +67,7 @@ class TopicCamera:
         """
 
         def join() -> tuple[Callable[[], Any], Callable[[], None]]:
+            """What takes the newest message, and what leaves the topic, of a node of its own."""
             from otwarp.ros.ros1.messages import allow_sequences
             from otwarp.ros.ros1.node import Ros1Node
 
@@ -92,6 +93,7 @@ class TopicCamera:
         """
 
         def join() -> tuple[Callable[[], Any], Callable[[], None]]:
+            """What takes the newest message, and what leaves the topic, of a node of its own."""
             from otwarp.ros.ros2.node import Ros2Node
 
             node = Ros2Node("otwarp_camera", domain)

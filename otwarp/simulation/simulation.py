@@ -225,6 +225,7 @@ class Simulation:
         load_kernels(self._step.kernels, self.model.device)
 
         def turn() -> None:
+            """What is captured: one call of the loop."""
             if before is not None:
                 before()
             self._segment(episodes, steps)

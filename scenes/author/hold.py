@@ -6,40 +6,13 @@ what would just do without thermal motion, and less than a quarter of it lets th
 
 from __future__ import annotations
 
-from otwarp.scene import Body, Flow, SceneBuilder, Settings, Sphere, Track, Trap
-from scenes.author import robots, shapes, trap_laws
+from otwarp.scene import Flow, SceneBuilder, Settings
+from scenes.author import one_sphere, shapes
 
-RADIUS = 2.5
 HALF_HEIGHT = 10.0  # of the channel [µm]
 SPEED = 20.0  # of the flow in mid-channel [µm/s]
 POWER = 2.1  # [mW]
 DURATION = 10.0  # [s]
-
-
-def robot() -> Body:
-    """A sphere of resist in mid-channel."""
-    sphere = Sphere(prim="/World/robot/sphere", radius=RADIUS, refractive_index=robots.RESIST_INDEX)
-    return Body(
-        prim="/World/robot",
-        position=(0.0, 0.0, HALF_HEIGHT),
-        spheres=(sphere,),
-        material=robots.RESIST,
-        warning_force=10.0,
-    )
-
-
-def trap() -> Trap:
-    """The trap, under the robot by what its light pushes."""
-    return Trap(
-        prim="/World/trap",
-        position=Track.constant((0.0, 0.0, round(HALF_HEIGHT - trap_laws.EQUILIBRIUM, 6))),
-        power=Track.constant(POWER),
-        radial=trap_laws.RADIAL,
-        axial=trap_laws.AXIAL,
-        equilibrium=trap_laws.EQUILIBRIUM,
-        hand="left",
-        holds="/World/robot/sphere",
-    )
 
 
 def build() -> SceneBuilder:
@@ -49,8 +22,8 @@ def build() -> SceneBuilder:
         prim="/World/flow", kind="poiseuille", origin=(0.0, 0.0, HALF_HEIGHT), speed=SPEED, half_height=HALF_HEIGHT
     )
     builder.add(flow)
-    builder.add(robot(), color=shapes.WARM_ROBOT)
-    builder.add(trap(), color=shapes.RED_BEAM, opacity=0.45)
+    builder.add(one_sphere.robot((0.0, 0.0, HALF_HEIGHT)), color=shapes.WARM_ROBOT)
+    builder.add(one_sphere.trap((0.0, 0.0, HALF_HEIGHT), POWER), color=shapes.RED_BEAM, opacity=0.45)
     builder.add(shapes.plane("/World/Channel/floor", (0.0, 0.0, 0.0)), color=shapes.DEEP_BLUE)
     lid = shapes.plane("/World/Channel/lid", (0.0, 0.0, 2 * HALF_HEIGHT), orientation=shapes.DOWNWARDS)
     builder.add(lid, color=shapes.GLASS, opacity=0.05)

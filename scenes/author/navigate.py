@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from otwarp.scene import Body, Goal, Obstacle, SceneBuilder, Settings, Sphere, Track, Trap
-from scenes.author import robots, shapes, trap_laws
+from otwarp.scene import Goal, Obstacle, SceneBuilder, Settings
+from scenes.author import one_sphere, shapes
 from scenes.author.paths import swing
 
 HEIGHT = 6.0  # of the robot's middle [µm]
-RADIUS = 2.5  # of the robot [µm], for which the trap laws were fitted
 POWER = 1.5  # [mW]
 SPEED_LIMIT = 60.0  # of the trap [µm/s]
 CRUISE = 35.0  # [µm/s]
@@ -32,35 +31,6 @@ TOLERANCE, LOST_DISTANCE, DISTANCE_WARNING = 3.0, 3.2, 2.5
 DURATION = 10.0  # [s]
 
 
-def robot() -> Body:
-    """A sphere of resist."""
-    x, y = START
-    sphere = Sphere(prim="/World/robot/sphere", radius=RADIUS, refractive_index=robots.RESIST_INDEX)
-    return Body(
-        prim="/World/robot",
-        position=(x, y, HEIGHT),
-        spheres=(sphere,),
-        material=robots.RESIST,
-        warning_force=10.0,
-    )
-
-
-def trap() -> Trap:
-    """The trap, under the robot by what its light pushes."""
-    x, y = START
-    return Trap(
-        prim="/World/trap",
-        position=Track.constant((x, y, round(HEIGHT - trap_laws.EQUILIBRIUM, 6))),
-        power=Track.constant(POWER),
-        radial=trap_laws.RADIAL,
-        axial=trap_laws.AXIAL,
-        equilibrium=trap_laws.EQUILIBRIUM,
-        hand="left",
-        speed_limit=SPEED_LIMIT,
-        holds="/World/robot/sphere",
-    )
-
-
 def boxes() -> list[Obstacle]:
     """The boxes, on tracks as long as the run."""
     items = []
@@ -74,8 +44,8 @@ def boxes() -> list[Obstacle]:
 def build() -> SceneBuilder:
     builder = SceneBuilder(settings=Settings(duration=DURATION, frames_per_second=60.0))
     builder.add_view("/World/view", (0.0, -72.0, 70.0), (0.0, -4.0, 2.0), field_of_view=64.0)
-    builder.add(robot(), color=shapes.WARM_ROBOT)
-    builder.add(trap(), color=shapes.RED_BEAM, opacity=0.45)
+    builder.add(one_sphere.robot((*START, HEIGHT)), color=shapes.WARM_ROBOT)
+    builder.add(one_sphere.trap((*START, HEIGHT), POWER, speed_limit=SPEED_LIMIT), color=shapes.RED_BEAM, opacity=0.45)
     builder.add(shapes.plane("/World/Channel/floor", (0.0, 0.0, 0.0)), color=shapes.DEEP_BLUE)
     for wall in shapes.walls(
         "/World/Channel/wall", half_x=HALF_X, half_y=HALF_Y, height=WALL_HEIGHT, thickness=WALL_THICKNESS
@@ -89,8 +59,8 @@ def build() -> SceneBuilder:
     goal = Goal(
         prim="/World/goal",
         position=(*GOAL, HEIGHT),
-        cell="/World/robot",
-        robots=("/World/robot",),
+        cell=one_sphere.ROBOT,
+        robots=(one_sphere.ROBOT,),
         tolerance=TOLERANCE,
         lost_distance=LOST_DISTANCE,
         cell_lost_distance=LOST_DISTANCE,

@@ -8,10 +8,10 @@ and the robot's own stay below what the trap holds: what fails here is the steer
 
 from __future__ import annotations
 
-from otwarp.scene import Body, Goal, SceneBuilder, Settings, Sphere, Track, Trap
-from scenes.author import cells, robots, shapes, trap_laws
+from otwarp.scene import Goal, SceneBuilder, Settings
+from scenes.author import cells, one_sphere, shapes
 
-CELL_RADIUS, ROBOT_RADIUS = 3.0, 2.5
+CELL_RADIUS = 3.0
 CHAMBER = 7.0  # from floor to lid [µm]
 HEIGHT = CHAMBER / 2
 POWER = 3.0  # [mW]
@@ -22,40 +22,15 @@ TOLERANCE, LOST_DISTANCE, CELL_LOST_DISTANCE, DISTANCE_WARNING = 2.0, 3.2, 20.0,
 DURATION = 20.0  # [s]
 
 
-def robot() -> Body:
-    """A sphere of resist."""
-    sphere = Sphere(prim="/World/robot/sphere", radius=ROBOT_RADIUS, refractive_index=robots.RESIST_INDEX)
-    return Body(
-        prim="/World/robot",
-        position=(*ROBOT_AT, HEIGHT),
-        spheres=(sphere,),
-        material=robots.RESIST,
-        warning_force=10.0,
-    )
-
-
-def trap() -> Trap:
-    """The trap, under the robot by what its light pushes."""
-    return Trap(
-        prim="/World/trap",
-        position=Track.constant((*ROBOT_AT, round(HEIGHT - trap_laws.EQUILIBRIUM, 6))),
-        power=Track.constant(POWER),
-        radial=trap_laws.RADIAL,
-        axial=trap_laws.AXIAL,
-        equilibrium=trap_laws.EQUILIBRIUM,
-        hand="left",
-        speed_limit=SPEED_LIMIT,
-        holds="/World/robot/sphere",
-    )
-
-
 def build() -> SceneBuilder:
     builder = SceneBuilder(settings=Settings(duration=DURATION, frames_per_second=60.0))
     builder.add_view("/World/view", (0.0, -58.0, 58.0), (0.0, -3.0, 1.0), field_of_view=66.0)
-    builder.add(robot(), color=shapes.WARM_ROBOT)
+    builder.add(one_sphere.robot((*ROBOT_AT, HEIGHT)), color=shapes.WARM_ROBOT)
     cell = cells.cell("/World/cell", CELL_RADIUS, position=(*CELL_AT, HEIGHT))
     builder.add(cell, color=shapes.PINK_CELL, opacity=0.7)
-    builder.add(trap(), color=shapes.RED_BEAM, opacity=0.45)
+    builder.add(
+        one_sphere.trap((*ROBOT_AT, HEIGHT), POWER, speed_limit=SPEED_LIMIT), color=shapes.RED_BEAM, opacity=0.45
+    )
     builder.add(shapes.plane("/World/Chamber/floor", (0.0, 0.0, 0.0)), color=shapes.DEEP_BLUE)
     lid = shapes.plane("/World/Chamber/lid", (0.0, 0.0, CHAMBER), orientation=shapes.DOWNWARDS)
     builder.add(lid, color=shapes.GLASS, opacity=0.05)
@@ -67,7 +42,7 @@ def build() -> SceneBuilder:
         prim="/World/goal",
         position=(*GOAL_AT, HEIGHT),
         cell=cell.prim,
-        robots=("/World/robot",),
+        robots=(one_sphere.ROBOT,),
         tolerance=TOLERANCE,
         lost_distance=LOST_DISTANCE,
         cell_lost_distance=CELL_LOST_DISTANCE,

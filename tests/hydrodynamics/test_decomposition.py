@@ -114,7 +114,7 @@ def test_bad_input(tmp_path, monkeypatch):
         (lambda: decompose(broken), "broken.stl: .*allowed: a "),
         (lambda: decompose(hole), r"hole.stl: triangle 7 has the corners .* nan.*; allowed: finite numbers"),
         (lambda: decompose(open_mesh), "argument mesh: the surface has holes"),
-        (lambda: decompose((np.zeros((0, 3)), np.zeros((0, 3), int))), "argument mesh: no triangles"),
+        (lambda: decompose((np.zeros((0, 3)), np.zeros((0, 3), int))), "argument mesh: has no triangles"),
         (lambda: decompose(mesh, spheres=0), r"argument spheres = 0: must be a whole number in \[1, 128\]"),
         (lambda: decompose(mesh, spheres=3, volume_error=0.1), "must be left out beside"),
         (lambda: decompose(mesh, volume_error=1.5), r"argument volume_error = 1.5: must be in \(0, 1\)"),

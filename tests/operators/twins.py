@@ -10,7 +10,7 @@ import warp as wp
 from otwarp.haptics.chain.chain import make_chain
 from otwarp.haptics.core import STATES, DeviceInfo, DeviceSample, SceneFrame, SphereFrame, TrapFrame, Vec3
 from otwarp.operators.chain import ChainBatch
-from otwarp.operators.kernels.chain import CAUSES
+from otwarp.operators.kernels.chain_data import CAUSES
 from otwarp.teleop.operators import HandPlan, LocalScene
 
 ROUNDING = 1e-12

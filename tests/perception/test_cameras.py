@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import threading
 import time
 from types import ModuleType, SimpleNamespace
 from typing import ClassVar
@@ -148,34 +147,34 @@ def test_a_video_device(monkeypatch):
         make_camera("v4l2:7").open()
 
 
-def test_a_genicam_camera(monkeypatch):
-    """Its stamps are ticks of its own clock: a frame that is held up keeps the time of its light."""
-    nodes = SimpleNamespace(AcquisitionFrameRate=SimpleNamespace(value=0.0), ExposureTime=SimpleNamespace(value=0.0))
-    taken = threading.Event()
+class Buffer:
+    """A filled buffer of the driver of GenICam cameras, upside down, with the time of its light [ns]."""
 
-    class Buffer:
-        def __init__(self, stamp):
-            component = SimpleNamespace(data=LEVELS[::-1].ravel(), height=6, width=8)
-            self.payload, self.timestamp_ns = SimpleNamespace(components=[component]), stamp
+    def __init__(self, stamp):
+        component = SimpleNamespace(data=LEVELS[::-1].ravel(), height=6, width=8)
+        self.payload, self.timestamp_ns = SimpleNamespace(components=[component]), stamp
 
-        def __enter__(self):
-            return self
+    def __enter__(self):
+        return self
 
-        def __exit__(self, *_):
-            return None
+    def __exit__(self, *_):
+        return None
+
+
+def harvesters(nodes, waits):
+    """The modules of that driver, whose camera has these nodes; its frames come after `waits` [s], with stamps."""
 
     class Acquirer:
         remote_device = SimpleNamespace(node_map=nodes)
-        waits: ClassVar = [(0.0, 7_000_000_000), (0.06, 7_010_000_000)]
 
         def start(self):
             pass
 
         def fetch(self, timeout):
-            if not self.waits:
+            if not waits:
                 time.sleep(0.01)
                 raise TimeoutError
-            wait, stamp = self.waits.pop(0)
+            wait, stamp = waits.pop(0)
             time.sleep(wait)
             return Buffer(stamp)
 
@@ -198,13 +197,17 @@ def test_a_genicam_camera(monkeypatch):
 
     core = ModuleType("harvesters.core")
     core.Harvester = Harvester  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "harvesters", ModuleType("harvesters"))
-    monkeypatch.setitem(sys.modules, "harvesters.core", core)
+    return {"harvesters": ModuleType("harvesters"), "harvesters.core": core}
+
+
+def test_a_genicam_camera(monkeypatch):
+    """Its stamps are ticks of its own clock: a frame that is held up keeps the time of its light."""
+    nodes = SimpleNamespace(AcquisitionFrameRate=SimpleNamespace(value=0.0), ExposureTime=SimpleNamespace(value=0.0))
+    for name, module in harvesters(nodes, [(0.0, 7_000_000_000), (0.06, 7_010_000_000)]).items():
+        monkeypatch.setitem(sys.modules, name, module)
     camera = make_camera("genicam:0,cti=vendor.cti,exposure=0.002,rate=100")
     camera.open()
-    first = soon(camera)
-    taken.set()
-    second = soon(camera)
+    first, second = soon(camera), soon(camera)
     assert nodes.ExposureTime.value == pytest.approx(2000.0) and nodes.AcquisitionFrameRate.value == 100.0
     assert np.array_equal(first.pieces[0].levels, LEVELS)
     assert second.time - first.time == pytest.approx(0.010, abs=1e-6)
@@ -226,7 +229,7 @@ def image_message(types, stamp: float):
     )  # fmt: skip
 
 
-def arrived(camera, publish) -> None:
+def check_arrived(camera, publish) -> None:
     """Publish until the camera has it, and look at what it made of the stamp of 0.2 s ago."""
     end = time.perf_counter() + PATIENCE
     while True:
@@ -259,7 +262,7 @@ def test_a_topic_of_ros1():
             camera = make_camera(f"ros1:/camera/image_raw,master={master.uri}")
             camera.open()
             try:
-                arrived(camera, lambda told: out.publish(image_message(types, told)))
+                check_arrived(camera, lambda told: out.publish(image_message(types, told)))
             finally:
                 camera.close()
     finally:
@@ -279,6 +282,6 @@ def test_a_topic_of_ros2(monkeypatch):
         camera = make_camera(f"ros2:/camera/image_raw,domain={domain}")
         camera.open()
         try:
-            arrived(camera, lambda told: out.publish(image_message(types, told)))
+            check_arrived(camera, lambda told: out.publish(image_message(types, told)))
         finally:
             camera.close()

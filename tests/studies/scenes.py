@@ -21,6 +21,29 @@ def energy(now: ot.WorldNow, stiffness: float = 0.5) -> float:  # type: ignore[v
     return 0.5 * stiffness * wp.length_sq(away) / 0.0041164
 
 
+def study_of_a_well(powers: int, trials: int, *, starts: str = "0, 0.1, 0.2, 0.3") -> str:
+    """A study file beside the scene `well.usda`: trapped, and when not, by so many powers and starts [µm]."""
+    return f"""
+scene = "well.usda"
+seed = 3
+[[axis]]
+name = "trap_power"
+grid = {{ from = 0.2, to = 1, count = {powers} }}
+unit = "mW"
+[[axis]]
+name = "start.x:/World/bead"
+values = [{starts}]
+unit = "µm"
+[[observable]]
+kind = "trapped"
+until = "0.1 s"
+[[observable]]
+kind = "first_passage"
+[stop]
+trials = {trials}
+"""
+
+
 def bead_in_a_well(
     folder: Path,
     *,

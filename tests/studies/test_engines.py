@@ -24,30 +24,12 @@ from otwarp.studies.engines.on_ray import ray_engine
 from otwarp.studies.engines.run import run_study
 from otwarp.studies.engines.sent import packed, unpacked
 from otwarp.studies.store import open_store
-from tests.studies.scenes import bead_in_a_well
+from tests.studies.scenes import bead_in_a_well, study_of_a_well
 
 pytest.importorskip("zarr")
 needs_ray = pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="Ray is not installed")
 
-FILE = """
-scene = "well.usda"
-seed = 3
-[[axis]]
-name = "trap_power"
-grid = { from = 0.2, to = 1, count = 12 }
-unit = "mW"
-[[axis]]
-name = "start.x:/World/bead"
-values = [0, 0.1, 0.2, 0.3]
-unit = "µm"
-[[observable]]
-kind = "trapped"
-until = "0.1 s"
-[[observable]]
-kind = "first_passage"
-[stop]
-trials = 2048
-"""
+FILE = study_of_a_well(12, 2_048)
 """Six blocks."""
 
 

@@ -28,31 +28,13 @@ from otwarp.studies.stopping.rules import half_width, trials
 from otwarp.studies.store import open_store
 from otwarp.studies.study import Study
 from otwarp.units import BOLTZMANN
-from tests.studies.scenes import bead_in_a_well
+from tests.studies.scenes import bead_in_a_well, study_of_a_well
 
 pytest.importorskip("zarr")
 
 ROOT = Path(__file__).parents[2]
 
-FILE = """
-scene = "well.usda"
-seed = 3
-[[axis]]
-name = "trap_power"
-grid = { from = 0.2, to = 1, count = 6 }
-unit = "mW"
-[[axis]]
-name = "start.x:/World/bead"
-values = [0, 0.1, 0.2, 0.3]
-unit = "µm"
-[[observable]]
-kind = "trapped"
-until = "0.1 s"
-[[observable]]
-kind = "first_passage"
-[stop]
-trials = 2048
-"""
+FILE = study_of_a_well(6, 2_048)
 
 
 @pytest.fixture(scope="module")

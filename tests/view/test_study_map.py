@@ -17,38 +17,21 @@ from otwarp.studies.store import Store, open_store
 from otwarp.view.curves import charts
 from otwarp.view.study_map import RAMP, StudyMap, ramp
 from otwarp.view.trial import TrialSource
-from tests.studies.scenes import bead_in_a_well
+from tests.studies.scenes import bead_in_a_well, study_of_a_well
 from tests.teleop.page.browser import ARTIFACTS, browser
 from tests.view.test_browser import PATIENCE, WIDE, comes, opened, page_of, share, violations
 
 pytest.importorskip("zarr")
 
-FILE = """
-scene = "{scene}"
-seed = 3
-[[axis]]
-name = "trap_power"
-grid = {{ from = 0.2, to = 1, count = 3 }}
-unit = "mW"
-[[axis]]
-name = "start.x:/World/bead"
-values = [0, 0.1, 0.3, 0.35]
-unit = "µm"
-[[observable]]
-kind = "trapped"
-until = "0.1 s"
-[[observable]]
-kind = "first_passage"
-[stop]
-trials = 24
-"""
+FILE = study_of_a_well(3, 24, starts="0, 0.1, 0.3, 0.35")
 
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
     folder = tmp_path_factory.mktemp("map")
     file = folder / "well.toml"
-    file.write_text(FILE.format(scene=bead_in_a_well(folder).name), encoding="utf-8")
+    bead_in_a_well(folder)
+    file.write_text(FILE, encoding="utf-8")
     run_study(load_study(file), folder / "out", devices=["cpu"])
     return open_store(folder / "out")
 

@@ -144,6 +144,7 @@ def _laboratory(scene: Scene, asked: dict[str, Any], device: str | None) -> Call
     rendering = dataclasses.replace(LIVE, rings=asked["rings"])
 
     def order(commands: str) -> LabOrder:
+        """The laboratory that hears these commands."""
         return LabOrder(
             scene=there, commands=commands, seed=options.seed, device=device, rate=asked["camera_rate"],
             rendering=rendering, name=asked["camera"],

@@ -16,6 +16,7 @@ What an operator does, one thread for each world and servo period:
 The arithmetic of `otwarp.haptics.chain`, operation by operation:
 
     chain         the composed step of one hand
+    chain_data    the structs: constants, states, what goes in and out
     orders        a new state, arming, disarming, resetting of worlds
     features      what a chain has, from which its step is composed
     motion        how the traps follow the hand, low-pass filters, virtual coupling

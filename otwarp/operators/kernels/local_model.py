@@ -102,8 +102,35 @@ def all_finite(
     return is_finite(total) and wp.isfinite(power)
 
 
-def taking_in(features: ChainFeatures) -> wp.Function:
-    """`(felt, published, spheres, state, world, hand, n, anew) -> state`: a newly published state, all of it finite."""
+@wp.func
+def learned(published: Published, spheres: Spheres, state: ModelState, world: int, n: int, focus: wp.vec3d
+) -> ModelState:  # fmt: skip
+    """How much of its trap's way each sphere went lately; `focus` is the hand's first trap [µm]."""
+    out = state
+    memory = wp.static(wp.float64(MEMORY))
+    zero = wp.float64(0.0)
+    out.focus = focus
+    out.focused = 1
+    if state.filled == 0 or state.focused == 0:
+        out.learned = 0
+        out.way = zero
+        for k in range(published.sphere.shape[1]):
+            spheres.went[n, k] = zero
+    else:
+        step = focus - state.focus
+        out.way = memory * state.way + step[0] * step[0] + step[1] * step[1] + step[2] * step[2]
+        out.learned = wp.where(out.way > zero, 1, 0)
+        for k in range(published.sphere.shape[1]):
+            went = published.sphere[world, k] - spheres.target[n, k]
+            total = memory * spheres.went[n, k] + step[0] * went[0] + step[1] * went[1] + step[2] * went[2]
+            spheres.went[n, k] = total
+            if out.way > zero:
+                spheres.share[n, k] = wp.min(wp.max(total / out.way, zero), wp.float64(1.0))
+    return out
+
+
+def exchanging(features: ChainFeatures) -> wp.Function:
+    """`(published, spheres, world, n) -> stood`: slots that went to another body have its sphere at once."""
 
     @wp.func
     def exchanged(published: Published, spheres: Spheres, world: int, n: int) -> int:
@@ -122,31 +149,12 @@ def taking_in(features: ChainFeatures) -> wp.Function:
                 stood = 0
         return stood
 
-    @wp.func
-    def learned(published: Published, spheres: Spheres, state: ModelState, world: int, n: int, focus: wp.vec3d
-    ) -> ModelState:  # fmt: skip
-        """How much of its trap's way each sphere went lately; `focus` is the hand's first trap [µm]."""
-        out = state
-        memory = wp.static(wp.float64(MEMORY))
-        zero = wp.float64(0.0)
-        out.focus = focus
-        out.focused = 1
-        if state.filled == 0 or state.focused == 0:
-            out.learned = 0
-            out.way = zero
-            for k in range(published.sphere.shape[1]):
-                spheres.went[n, k] = zero
-        else:
-            step = focus - state.focus
-            out.way = memory * state.way + step[0] * step[0] + step[1] * step[1] + step[2] * step[2]
-            out.learned = wp.where(out.way > zero, 1, 0)
-            for k in range(published.sphere.shape[1]):
-                went = published.sphere[world, k] - spheres.target[n, k]
-                total = memory * spheres.went[n, k] + step[0] * went[0] + step[1] * went[1] + step[2] * went[2]
-                spheres.went[n, k] = total
-                if out.way > zero:
-                    spheres.share[n, k] = wp.min(wp.max(total / out.way, zero), wp.float64(1.0))
-        return out
+    return exchanged
+
+
+def taking_in(features: ChainFeatures) -> wp.Function:
+    """`(felt, published, spheres, state, world, hand, n, anew) -> state`: a newly published state, all of it finite."""
+    exchanged = exchanging(features)
 
     @wp.func
     def take_in(

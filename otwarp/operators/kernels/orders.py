@@ -2,7 +2,8 @@
 
 import warp as wp
 
-from otwarp.operators.kernels.chain import ChainData, unstarted
+from otwarp.operators.kernels.chain import unstarted
+from otwarp.operators.kernels.chain_data import ChainData
 from otwarp.operators.kernels.local_model import ModelState
 from otwarp.operators.kernels.motion import MotionState
 from otwarp.operators.kernels.paper_mode import unheard

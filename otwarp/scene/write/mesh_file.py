@@ -14,6 +14,7 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.scene.meshes import is_closed, nearest_distance
+from otwarp.triangles import read_triangles
 
 Kind = Literal["solid", "chamber", "sheet"]
 ENDINGS = (".stl", ".obj", ".ply")
@@ -113,34 +114,15 @@ def read_surface(
 
 def _load(mesh: Any) -> tuple[str, Any]:
     """What errors call it, and the mesh with finite corners, as it is."""
-    try:
-        import trimesh
-    except ImportError:
-        raise InputError("mesh: needs the package trimesh: pip install 'otwarp[mesh]'") from None
-    name = "mesh"
-    if isinstance(mesh, (str, Path)):
-        file, name = Path(mesh), str(mesh)
-        if not file.is_file():
-            raise InputError(f"{name}: no such file; allowed: {ALLOWED}")
+    if isinstance(mesh, (str, Path)) and Path(mesh).is_file():
+        file = Path(mesh)
         if file.suffix.lower() not in ENDINGS:
-            raise InputError(f"{name}: suffix = {file.suffix or '(none)'}; allowed: {ALLOWED}")
+            raise InputError(f"{mesh}: suffix = {file.suffix or '(none)'}; allowed: {ALLOWED}")
         if file.stat().st_size > LARGEST_FILE:
             raise InputError(
-                f"{name}: has {file.stat().st_size / 2**30:.3g} GiB; allowed: up to 1 GiB, simplified before"
+                f"{mesh}: has {file.stat().st_size / 2**30:.3g} GiB; allowed: up to 1 GiB, simplified before"
             )
-        try:
-            mesh = trimesh.load_mesh(file, process=False)
-        except Exception as error:  # what its many readers raise has no common class
-            raise InputError(f"{name}: cannot be read ({' '.join(str(error).split())}); allowed: {ALLOWED}") from None
-    elif isinstance(mesh, tuple):
-        mesh = trimesh.Trimesh(np.asarray(mesh[0], dtype=float), np.asarray(mesh[1]), process=False)
-    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
-        raise InputError(f"{name}: has no triangles; allowed: {ALLOWED}")
-    wrong = np.flatnonzero(~np.isfinite(mesh.vertices[mesh.faces]).all(axis=(1, 2)))
-    if len(wrong):
-        corners = mesh.vertices[mesh.faces[wrong[0]]].tolist()
-        raise InputError(f"{name}: triangle {wrong[0]} has the corners {corners}; allowed: finite numbers")
-    return name, trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    return read_triangles(mesh, "mesh", ALLOWED)
 
 
 def _mended(mesh: Any, kind: Kind) -> list[str]:
