@@ -25,6 +25,7 @@ describe       tables of what the numbers mean
 goal_task      any scene with a goal as a task
 pettingzoo     hands as agents
 registration   the shipped ones by name
+written_options  options of a task, as texts
 tasks          the shipped tasks
 experts        scripted policies
 adapters       environments for Stable-Baselines3, skrl, rsl_rl

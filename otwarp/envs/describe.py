@@ -30,6 +30,8 @@ def described(task: Task) -> dict[str, Any]:
         "shifts": [{"prims": [*s.bodies, *s.traps], "half": list(s.half)} for s in task.shifts],
         "goal_half": list(task.goal_half),
         "randomised": [name if isinstance(name, str) else ", ".join(name) for name in task.randomise],
+        "observation": task.observation,
+        "image_size": list(task.image_size),
         "expert": task.expert is not None,
     }
 
@@ -85,6 +87,10 @@ def facts(shown: dict[str, Any]) -> str:
     ]
     if shown["choices"]:
         parts.append(f"{len(shown['choices'])} choices of these numbers")
+    if shown["observation"] != "state":
+        wide, high = shown["image_size"]
+        how = "instead of" if shown["observation"] == "image" else "beside"
+        parts.append(f"an image of {wide} × {high} pixels is observed {how} these numbers")
     if shown["randomised"]:
         parts.append(f"randomised: {', '.join(shown['randomised'])}")
     return "; ".join(parts) + "."

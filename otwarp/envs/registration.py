@@ -46,18 +46,20 @@ def task_of(name: str, **changes: Any) -> Task:
     return dataclasses.replace(task, **changes)
 
 
-def task_named(name: str) -> Task:
+def task_named(name: str, **changes: Any) -> Task:
     """The task of a shipped environment, or of a scene with a goal.
 
     Args:
         name: Of an environment, or a USD file.
+        changes: As of `task_of`.
 
     Raises:
-        InputError: Neither.
+        InputError: Neither, or a wrong option.
     """
     from otwarp.envs.goal_task import from_scene
 
-    return from_scene(name) if Path(name).suffix in (".usd", ".usda", ".usdc") else task_of(name)
+    is_scene = Path(name).suffix in (".usd", ".usda", ".usdc")
+    return from_scene(name, **changes) if is_scene else task_of(name, **changes)
 
 
 ENV_OPTIONS = ("device", "render_mode")

@@ -43,6 +43,30 @@ def test_of_ot_gym_its_own_numbers_and_choices_are_described(capsys):
     assert "off_middle" in out and "4.95 µm" in out and "[pN]" in out and "velocity" not in out
 
 
+def test_options_of_a_task_are_given_by_name(capsys):
+    name = "otwarp/Orient-v0"
+    both = ["--option", "strategy=B", "--option", "image_size=84,60", "--option", "observation=both"]
+    assert main(["envs", "describe", name, *both]) == 0
+    out = capsys.readouterr().out
+    assert "left.power" in out and "84 × 60 pixels is observed beside" in out
+    for bad, said in (
+        ("strategy=C", "option strategy of otwarp/Orient-v0 is 'C'; allowed: A, B"),
+        ("colour=red", "NAME one of strategy, "),
+        ("hands=two", "NAME one of strategy, "),
+        ("strategy", "allowed: NAME=VALUE"),
+        ("time_limit=nan", "allowed: a finite number"),
+        ("image_size=84", "allowed: 2 whole numbers parted by commas"),
+        ("image_follows=1", "allowed: true or false"),
+        ("rate=-1", "rate of task otwarp/Orient-v0 is -1.0; allowed: finite, above 0"),
+    ):
+        for command in (["describe"], ["play", "--policy", "still"]):
+            assert main(["envs", *command, name, "--option", bad]) == 2
+            error = capsys.readouterr().err
+            assert said in error and error.count("\n") == 1, error
+    assert main(["envs", "describe", "--option", "strategy=B"]) == 2
+    assert "--option without NAME" in capsys.readouterr().err
+
+
 def test_a_policy_plays_an_episode(capsys):
     assert main(["envs", "play", "otwarp/Navigate-v0", "--policy", "still"]) == 0
     assert "seed 0: failure" in capsys.readouterr().out

@@ -1,7 +1,7 @@
 """`otwarp envs`: environments of Gymnasium; one module for every command.
 
 `list` names them, `describe` says what their numbers mean, `play` shows one: a command each, which asks
-`otwarp.envs`. Open `describe` first.
+`otwarp.envs`; `options` is what they share. Open `describe` first.
 """
 
 from __future__ import annotations

@@ -7,24 +7,30 @@ from typing import Any
 
 import click
 
+from otwarp.cli.envs.options import task_options
 from otwarp.cli.options import json_option, out_option
 from otwarp.cli.output import json_text, tables_console
+from otwarp.errors import InputError
 from otwarp.files import written
 
 
 @click.command()
 @click.argument("name", required=False)
+@task_options
 @out_option("FILE.md", "Write the tables as Markdown instead.")
 @json_option
-def describe(name: str | None, out: Path | None, as_json: bool) -> None:
+def describe(name: str | None, option: tuple[str, ...], out: Path | None, as_json: bool) -> None:
     """Say what the environment NAME observes, does, earns, and how its episodes end, with units and scales.
 
     NAME may be a scene with a goal, too. Without it: all that are shipped.
     """
     from otwarp.envs.describe import described, page
     from otwarp.envs.registration import TASKS, task_named
+    from otwarp.envs.written_options import options_of
 
-    tasks = [task_named(one) for one in ([name] if name else TASKS)]
+    if option and name is None:
+        raise InputError("--option without NAME; allowed: both")
+    tasks = [task_named(name, **options_of(name, option))] if name else [task_named(one) for one in TASKS]
     if out is not None:
         with written(out) as part:
             part.write_text(page(tasks), encoding="utf-8")

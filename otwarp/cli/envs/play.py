@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from otwarp.cli.envs.options import task_options
 from otwarp.cli.options.live import live_options, open_session, read_session, run_session
 from otwarp.cli.types import OutputPath
 from otwarp.errors import InputError
@@ -20,15 +21,17 @@ PICTURES = 150
 @click.argument("name")
 @click.option("--policy", type=click.Choice(["random", "expert", "still"]), help="Let this policy act, without a page.")
 @click.option("--movie", type=OutputPath(), metavar="GIF", help="With --policy: draw its first episode into a movie.")
+@task_options
 @live_options(page=True, browser=True)
-def play(name: str, policy: str | None, movie: Path | None, **options: Any) -> int:
+def play(name: str, policy: str | None, movie: Path | None, option: tuple[str, ...], **options: Any) -> int:
     """Open the page of a live session on the scene of the environment NAME, or a scene with a goal, in your hands.
 
     With --policy an episode is run by a policy instead, and said what came of it; --movie draws it.
     """
     from otwarp.envs.registration import task_named
+    from otwarp.envs.written_options import options_of
 
-    task = task_named(name)
+    task = task_named(name, **options_of(name, option))
     if policy is not None:
         _watch(task, policy, movie, options["seed"])
         return 0

@@ -8,7 +8,7 @@ weaker trap, if the traps close quickly; their distance sets how high.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 from otwarp.envs import scenes
 from otwarp.envs import terms as t
@@ -28,7 +28,7 @@ TOLERANCE, LEAST_TIME = 0.2, 3.0
 """Of the height [µm]; before which it does not count [s]."""
 
 
-def task(strategy: str = "A") -> Task:
+def task(strategy: Literal["A", "B"] = "A") -> Task:
     """The task.
 
     Args:
