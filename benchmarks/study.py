@@ -40,7 +40,7 @@ SHORT = {"cpu": 4_096, "cuda": 1_048_576}
 """Trials that end early."""
 DELIVERIES = {"cpu": 16, "cuda": 100_000}
 """Trials of the delivery."""
-WIDE = (64, 8_192)
+WIDE = (64, 2_048)
 """Points along each dimension and trials of each in the map that several devices share."""
 SHARED = (16, 256)
 """Points and trials of each in the study that is shared out: four blocks."""

@@ -100,7 +100,7 @@ def measure(
         ]
         if not pick_device(device).is_cpu:
             tables.append(training_speed(place, work, device, data))
-        tables.append(run_times(work, {name: work / f"{name}_random_0" for name in runs}, data))
+        tables.append(run_times(work, {name: work / f"{name}_random_0" for name in runs}, device, data))
     kind = "cpu" if pick_device(device).is_cpu else "cuda"
     asked = f"{'--full' if full else ''}{' --devices ' + ' '.join(devices) if devices else ''}".strip()
     machine = Machine.look(pick_device(device))
@@ -326,30 +326,34 @@ def training_speed(place: Path, work: Path, device: str, data: dict[str, Any]) -
     return Table(title="Training [images/s]", head=head, rows=rows, note="Paper's heads, bf16, channels last.")
 
 
-def run_times(work: Path, runs: Mapping[str, Path], data: dict[str, Any]) -> Table:
-    """One image at a time on one core: torch, and the exported file."""
+def run_times(work: Path, runs: Mapping[str, Path], device: str, data: dict[str, Any]) -> Table:
+    """One image at a time on one core, by torch and as the exported file; and on a GPU, from the host and back."""
     import torch
 
     from otwarp.vision.networks.onnx_file import OnnxEstimator
 
-    threads = torch.get_num_threads()
+    threads, rows, on_gpu = torch.get_num_threads(), [], not pick_device(device).is_cpu
     torch.set_num_threads(1)
-    rows = []
     for name, run in runs.items():
         export(run, work / f"{name}.onnx")
         images = np.zeros((1, *load(run, device="cpu").shape), dtype=np.uint8)
+        ways = [(load(run, device="cpu"), time.process_time)]
+        ways.append((OnnxEstimator(work / f"{name}.onnx", threads=1), time.process_time))
+        ways += [(load(run, device=device), time.perf_counter)] if on_gpu else []
         times = []
-        for network in (load(run, device="cpu"), OnnxEstimator(work / f"{name}.onnx", threads=1)):
+        for network, clock in ways:
             each = []
             for _ in range(25):
-                begun = time.process_time()
+                begun = clock()
                 network.predict(images)
-                each.append(time.process_time() - begun)
+                each.append(clock() - begun)
             times.append(1e3 * min(each[5:]))
-        rows.append((name, f"{times[0]:.2g}", f"{times[1]:.2g}"))
+        rows.append((name, *(f"{t:.2g}" for t in times)))
         data[f"run time {name}"] = times
     torch.set_num_threads(threads)
-    return Table(title="An image, one core [CPU-ms]", head=("network", "torch", "onnxruntime"), rows=rows)
+    head = ("network", "torch, one core", "onnxruntime, one core", *(("torch, GPU",) if on_gpu else ()))
+    note = "Processor time on a core; wall time on a GPU, as one graph."
+    return Table(title="An image [ms]", head=head, rows=rows, note=note if on_gpu else "Processor time.")
 
 
 if __name__ == "__main__":

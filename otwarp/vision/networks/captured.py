@@ -1,4 +1,4 @@
-"""Steps of a training as CUDA graphs: with small batches a GPU would wait for the launches of some hundred kernels."""
+"""Networks as CUDA graphs: with few images at once a GPU would wait for the launches of some hundred kernels."""
 
 from __future__ import annotations
 
@@ -83,3 +83,38 @@ class CapturedSteps:
                 value.copy_(moments.get(parameter, {}).get(name, torch.zeros_like(value)))
         torch.cuda.set_rng_state(default, self.random.device)
         self.random.set_state(own)
+
+
+class CapturedNetwork:
+    """A network in use on a GPU, recorded once for each small number of images and replayed.
+
+    Args:
+        network: Module of torch on a GPU, whose weights stay.
+    """
+
+    def __init__(self, network: Any):
+        self.network = network
+        self.graphs: dict[int, tuple[Any, Any, dict[str, Any]]] = {}
+
+    def __call__(self, images: Any) -> dict[str, Any]:
+        """What the network says of images, uint8 (n, size, size); the next call overwrites it."""
+        if len(images) not in self.graphs:
+            self.graphs[len(images)] = self._captured(images.clone())
+        graph, shown, said = self.graphs[len(images)]
+        shown.copy_(images)
+        graph.replay()
+        return said
+
+    def _captured(self, images: Any) -> tuple[Any, Any, dict[str, Any]]:
+        """A graph, the images that it reads, and what it writes."""
+        torch = torch_library()
+        aside = torch.cuda.Stream(images.device)
+        aside.wait_stream(torch.cuda.current_stream(images.device))
+        with torch.cuda.stream(aside):
+            for _ in range(WARM_UP):
+                self.network(images.float() / 255.0)
+        torch.cuda.current_stream(images.device).wait_stream(aside)
+        graph = torch.cuda.CUDAGraph()
+        with torch.cuda.graph(graph):
+            said = self.network(images.float() / 255.0)
+        return graph, images, said

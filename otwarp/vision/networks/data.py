@@ -61,11 +61,11 @@ def on_device(images: Any, index: np.ndarray, shape: tuple[int, int], size: int,
     from otwarp.vision.networks.modules.network import resized
 
     out = torch.empty(len(index), size, size, dtype=torch.uint8, device=device)
-    rows, columns = (torch.from_numpy(area_weights(n, size)).float().to(device) for n in shape)
+    shares = () if tuple(shape) == (size, size) else tuple(
+        torch.from_numpy(area_weights(n, size)).float().to(device) for n in shape)  # fmt: skip
     for start in range(0, len(index), BLOCK):
         some = torch.from_numpy(np.ascontiguousarray(images(index[start : start + BLOCK]))).to(device)
-        same = some.shape[1:] == out.shape[1:]
-        out[start : start + BLOCK] = some if same else resized(some, rows, columns).to(torch.uint8)
+        out[start : start + BLOCK] = resized(some, *shares).to(torch.uint8) if shares else some
     return out
 
 

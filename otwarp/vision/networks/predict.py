@@ -8,10 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from otwarp.vision.networks.captured import CapturedNetwork
 from otwarp.vision.networks.library import torch_library
 from otwarp.vision.networks.targets import Targets
 
 BATCH = 256
+FEW = 16
+"""Images up to which a GPU waits for launches."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +48,13 @@ def arithmetic(precision: str, device: Any) -> AbstractContextManager[Any]:
 
 
 def predict(
-    network: Any, targets: Targets, images: Any, *, precision: str = "float32", widen: tuple[float, ...] = ()
+    network: Any,
+    targets: Targets,
+    images: Any,
+    *,
+    precision: str = "float32",
+    widen: tuple[float, ...] = (),
+    captured: CapturedNetwork | None = None,
 ) -> Predictions:
     """Show images to a network.
 
@@ -55,6 +64,7 @@ def predict(
         images: uint8 (n, size, size) on its device.
         precision: As of `Settings`.
         widen: (k) factors of the standard deviations, as calibration found them; none for 1.
+        captured: The same network, recorded, for up to `FEW` images; None to launch every kernel.
     """
     torch = torch_library()
     was = network.training
@@ -62,7 +72,8 @@ def predict(
     found: dict[str, list[np.ndarray]] = {}
     with torch.inference_mode(), arithmetic(precision, images.device):
         for start in range(0, len(images), BATCH):
-            said = network(images[start : start + BATCH].float() / 255.0)
+            some = images[start : start + BATCH]
+            said = captured(some) if captured is not None and len(some) <= FEW else network(some.float() / 255.0)
             for name, value in said.items():
                 found.setdefault(name, []).append(value.float().cpu().numpy().astype(float))
     network.train(was)

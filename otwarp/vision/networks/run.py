@@ -11,6 +11,7 @@ import numpy as np
 from otwarp.errors import InputError
 from otwarp.vision.networks import checkpoint
 from otwarp.vision.networks.build import rebuilt
+from otwarp.vision.networks.captured import CapturedNetwork
 from otwarp.vision.networks.data import on_device
 from otwarp.vision.networks.estimate import Estimate
 from otwarp.vision.networks.library import check_device_name, torch_device
@@ -97,10 +98,12 @@ class TorchEstimator(Estimator):
         self.network = module.to(where).eval()
         for parameter in self.network.parameters():
             parameter.requires_grad_(False)
+        self._captured = CapturedNetwork(self.network) if where.type == "cuda" else None
 
     def _predict(self, images: np.ndarray) -> Predictions:
         on = on_device(images.__getitem__, np.arange(len(images)), self.shape, self.about["size"], self.device)
-        return predict(self.network, self.targets, on, widen=tuple(self.about["widen"]))
+        return predict(self.network, self.targets, on, widen=tuple(self.about["widen"]),
+                       captured=self._captured)  # fmt: skip
 
 
 def network_file(path: str | Path) -> Path:
