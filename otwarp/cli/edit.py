@@ -22,7 +22,7 @@ from otwarp.cli.types import OutputPath
 )
 @page_options
 def edit(scene: Path, out: Path | None, theme: str, **where: object) -> None:
-    """Open a page on SCENE: add, move and delete traps, cells, obstacles and goals, draw paths of traps, save.
+    """Open a page on SCENE: add, move, copy and delete traps, robots, cells, meshes, draw paths, save.
 
     SCENE itself is only written where the page is told to replace it. Ctrl-C ends the page.
     """

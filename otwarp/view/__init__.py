@@ -19,7 +19,9 @@ Open `show` first, then `page`.
 | `scale_bars` | a scale bar in each window |
 | `theme` | colours, dark and light |
 | `edit_page`, `edit_controls` | a scene that is drawn: the page's one thread; its buttons and keys |
-| `items`, `new_items` | what of a scene can be taken, and which of it a ray meets; what is added to it |
+| `items` | what of a scene can be taken, and which of it a ray meets |
+| `new_items`, `new_pieces` | what is added to it: single things; robots with their traps, and meshes |
+| `remarks` | what `otwarp validate` says of it, found in a thread |
 """
 
 from __future__ import annotations

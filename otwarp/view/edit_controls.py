@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from otwarp.teleop.page.front import overlay
 from otwarp.view.items import Item
 from otwarp.view.new_items import KINDS
+from otwarp.view.new_pieces import ROBOTS
 
 if TYPE_CHECKING:
     import viser
@@ -28,6 +29,14 @@ class Edited(Protocol):
 
     def place(self, kind: str) -> None:
         """Have the next click put a new thing."""
+        ...
+
+    def mesh(self, name: str, content: bytes) -> None:
+        """Have the next click put a mesh."""
+        ...
+
+    def copy(self) -> None:
+        """Add a copy of what is taken."""
         ...
 
     def take(self, label: str) -> None:
@@ -88,13 +97,22 @@ class EditControls:
             kinds.on_click(chosen)
             self._height = gui.add_number("Height [µm]", height, hint="z of what is added by a click")
             self._size = gui.add_number(
-                "Size [µm]", SIZE, min=0.01, hint="Radius of a cell or goal, half side of an obstacle"
+                "Size [µm]",
+                SIZE,
+                min=0.01,
+                hint="Radius of a cell, a goal or a robot's spheres, half side of an obstacle",
             )
+            self._shape = gui.add_dropdown("Robot", tuple(ROBOTS), initial_value=next(iter(ROBOTS)), hint="Its spheres")
+            self._mesh()
+        with gui.add_folder("Remarks"):
+            self._remarks = gui.add_html("")
         with gui.add_folder("Taken"):
             self._list: Any = gui.add_dropdown("Thing", (NOTHING,), initial_value=NOTHING)
             self._changed(self._list, lambda label: page.take(label))
             self._place = gui.add_vector3("Place [µm]", (0.0, 0.0, 0.0), disabled=True, hint="Of its prim")
             self._changed(self._place, lambda value: page.move_to((float(value[0]), float(value[1]), float(value[2]))))
+            copy = gui.add_button("Copy", color="gray", hint="With the traps that hold it")
+            self._clicked(copy, lambda: page.copy())
             delete = gui.add_button("Delete", color="gray", hint="Delete")
             self._clicked(delete, lambda: page.delete())
         with gui.add_folder("Path of a trap"):
@@ -121,6 +139,25 @@ class EditControls:
     def size(self) -> float:
         """Of new things [µm]."""
         return float(self._size.value)
+
+    @property
+    def shape(self) -> str:
+        """Of new robots."""
+        return str(self._shape.value)
+
+    @property
+    def unit(self) -> float:
+        """Of meshes that are imported [µm]."""
+        return float(self._unit.value)
+
+    @property
+    def bounds(self) -> Any:
+        """What the surface of such a mesh bounds."""
+        return self._bounds.value
+
+    def remarks(self, content: str) -> None:
+        """Show what is to be said of the scene."""
+        self._remarks.content = content
 
     @property
     def speed(self) -> float:
@@ -157,6 +194,20 @@ class EditControls:
             self.say(f"{item.label}: drag its handle{also}")
         else:
             self.say("")
+
+    def _mesh(self) -> None:
+        """What imports meshes; the unit and what is bounded count when the file comes."""
+        gui, page = self._gui, self._page
+        with gui.add_folder("Mesh", expand_by_default=False):
+            self._unit = gui.add_number("Unit [µm]", 1.0, min=1e-6, hint="Of the file's numbers: 1000 for mm")
+            self._bounds = gui.add_dropdown("Bounds", ("solid", "chamber", "sheet"), initial_value="solid")
+            upload = gui.add_upload_button("Import STL, OBJ, PLY", color="gray", mime_type=".stl,.obj,.ply")
+
+            async def sent(_: Any) -> None:
+                file = upload.value
+                page.post(lambda: page.mesh(file.name, file.content))
+
+            upload.on_upload(sent)
 
     def _keys(self) -> None:
         for label, key, modifier, act in (

@@ -9,14 +9,16 @@ import math
 import queue
 import re
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.scene.finding import Finding
 from otwarp.scene.write.edit import StageEditor
+from otwarp.scene.write.mesh_file import Surface
 from otwarp.teleop.page.compose import compose
 from otwarp.teleop.page.protocol import Drawing, PageFrame
 from otwarp.teleop.page.scene_view import SceneView
@@ -24,6 +26,8 @@ from otwarp.view.edit_controls import EditControls
 from otwarp.view.items import Item, items, picked
 from otwarp.view.measure import on_plane
 from otwarp.view.new_items import new_item
+from otwarp.view.new_pieces import add_mesh, add_robot, read_mesh
+from otwarp.view.remarks import Remarks, as_html
 from otwarp.view.scale_bars import ScaleBars
 from otwarp.view.source import page_frame
 from otwarp.view.theme import Theme
@@ -67,6 +71,8 @@ class EditPage:
         self._drawn: list[Any] = []
         self._handle: Any = None
         self._failures, self._begun = 0, False
+        self._mesh: Surface | None = None
+        self._remarks = Remarks(lambda found: self.post(lambda: self._remarked(found)))
         gui = server.gui
         gui.configure_theme(
             dark_mode=not theme.light,
@@ -92,26 +98,60 @@ class EditPage:
 
     def run(self, stopped: Callable[[], bool]) -> None:
         """Serve until `stopped` says so."""
-        while not stopped():
-            try:
-                work = self._inbox.get(timeout=TICK)
-            except queue.Empty:
-                continue
-            try:
-                work()
-            except InputError as error:
-                self.tell(str(error), "red")
-                self._draw()
-            except Exception:
-                self._failures += 1
-                if self._failures <= MOST_FAILURES:
-                    traceback.print_exc()
+        try:
+            while not stopped():
+                try:
+                    work = self._inbox.get(timeout=TICK)
+                except queue.Empty:
+                    continue
+                self._do(work)
+        finally:
+            self._remarks.close()
+
+    def _do(self, work: Callable[[], None]) -> None:
+        try:
+            work()
+        except InputError as error:
+            self.tell(str(error), "red")
+            self._draw()
+        except Exception:
+            self._failures += 1
+            if self._failures <= MOST_FAILURES:
+                traceback.print_exc()
 
     def place(self, kind: str) -> None:
-        """Have the next click put a new thing of a kind: `trap`, `cell`, `obstacle` or `goal`."""
+        """Have the next click put a new thing of a kind: `trap`, `robot`, `cell`, `obstacle` or `goal`."""
         self.let_go()
         self._placing = kind
         self._controls.say(f"click where the {kind} is to be, at the height of {self._controls.height:g} µm")
+
+    def mesh(self, name: str, content: bytes) -> None:
+        """Have the next click put a mesh that a window sent."""
+        self.let_go()
+        self._mesh = read_mesh(name, content, self._controls.unit, self._controls.bounds)
+        self._placing = "mesh"
+        size = " × ".join(f"{side:.4g}" for side in self._mesh.size)
+        mended = "".join(f"; {line}" for line in self._mesh.repairs)
+        triangles = len(self._mesh.triangles)
+        self._controls.say(f"{name}: {triangles:,} triangles, {size} µm{mended}. Click where its middle is to be")
+
+    def copy(self) -> None:
+        """Add a copy of what is taken, and of the traps that hold it, beside it."""
+        if self._taken is None or isinstance(self._taken.name, tuple) or self._taken.kind == "goal":
+            self.tell("a copy is made of a trap, robot, cell or obstacle with a prim of its own: take one first")
+            return
+        first, *traps = (str(name) for name in self._taken.with_it)
+        way = 2.2 * self._taken.radius
+        for by in ((0.0, way, 0.0), (0.0, -way, 0.0), (way, 0.0, 0.0), (-way, 0.0, 0.0)):
+            try:  # on one side there may be something
+                copies = self._editor.duplicate([first, *traps], by)
+                break
+            except InputError as error:
+                refused = error
+        else:
+            raise refused
+        self._draw()
+        self._take(next((item for item in self._items if item.name == copies[0]), None))
 
     def take(self, label: str) -> None:
         """Take the thing of a label; of another one, let go."""
@@ -197,12 +237,25 @@ class EditPage:
             kind, self._placing = self._placing, None
             height = np.array([0.0, 0.0, self._controls.height])
             place = on_plane(height, origin, way, UP)
-            item = new_item(kind, self._editor, place.tolist(), self._controls.size)
-            self._editor.add(item)
+            name = self._add(kind, place.tolist())
             self._draw()
-            self._take(next((i for i in self._items if i.name == item.prim), None))
+            self._take(next((item for item in self._items if item.name == name), None))
             return
         self._take(picked(self._editor.scene, self._items, origin, way))
+
+    def _add(self, kind: str, place: list[float]) -> str:
+        """Add a thing of a kind; its path."""
+        if kind == "robot":
+            return add_robot(self._editor, self._controls.shape, place, self._controls.size)
+        if kind == "mesh" and self._mesh is not None:
+            return add_mesh(self._editor, self._mesh, place)
+        item = new_item(kind, self._editor, place, self._controls.size)
+        self._editor.add(item)
+        return item.prim
+
+    def _remarked(self, found: Sequence[Finding]) -> None:
+        """What `otwarp validate` says of the scene."""
+        self._controls.remarks(as_html(found, self._theme.light))
 
     def _take(self, item: Item | None) -> None:
         self._taken = item
@@ -290,6 +343,7 @@ class EditPage:
         }
         words = ", ".join(f"{n} {kind}{'' if n == 1 else 's'}" for kind, n in counts.items() if n)
         saved = "saved" if self._editor.saved else "not saved"
+        self._remarks.ask(scene)
         self._controls.state(f"{words or 'empty'} · {saved}", self._editor.undoable)
 
 

@@ -15,6 +15,7 @@ from otwarp.view.edit_page import HANDLE
 from tests.teleop.page.browser import ARTIFACTS, browser, pixel
 from tests.view.runs import SCENE
 from tests.view.test_browser import PATIENCE, WIDE, page_of, violations
+from tests.view.test_new_pieces import tetrahedron
 
 pytest.importorskip("viser")
 
@@ -101,6 +102,58 @@ def test_a_scene_is_drawn_and_saved(tmp_path: Path):
     assert out.read_bytes() == saved and SCENE.read_bytes() == text
     assert [p.name for p in tmp_path.iterdir()] == ["drawn.usda"]
     check(Scene.load(out), before)
+
+
+def test_a_robot_and_a_mesh_are_added_and_remarked_on(tmp_path: Path):
+    pytest.importorskip("trimesh")
+    before, out, part = Scene.load(SCENE), tmp_path / "drawn.usda", tmp_path / "part.stl"
+    part.write_bytes(tetrahedron())
+    camera = compose(before).camera
+    with browser() as engine, page_of("edit", str(SCENE), "-o", str(out)) as url:
+        window = engine.new_page(viewport={"width": 1280, "height": 1000})
+        errors: list[str] = []
+        window.on("pageerror", lambda error: errors.append(str(error)))
+        window.goto(url)
+        window.locator("canvas[data-engine]").wait_for(timeout=PATIENCE)
+        window.get_by_text("nothing: it would run as it is").wait_for(timeout=PATIENCE)
+        box = window.locator("canvas[data-engine]").bounding_box()
+        note = window.locator("#otwarp-note")
+        fill(window, "Height [µm]", str(HEIGHT))
+        fill(window, "Size [µm]", "2")
+        window.get_by_role("button", name="robot", exact=True).click()
+        note.get_by_text("click where the robot is to be").wait_for(timeout=PATIENCE)
+        window.mouse.click(*pixel(camera, (-10.0, 0.0, HEIGHT), box))
+        note.get_by_text("robot_1: drag its handle, with 2 traps").wait_for(timeout=PATIENCE)
+        window.get_by_role("button", name="Copy").click()
+        window.get_by_role("button", name="Undo (2)").wait_for(timeout=PATIENCE)
+        window.get_by_text("Mesh", exact=True).click()
+        fill(window, "Unit [µm]", "6")
+        with window.expect_file_chooser() as chooser:
+            window.get_by_role("button", name="Import STL, OBJ, PLY").click()
+        chooser.value.set_files(part)
+        note.get_by_text("part.stl: 4 triangles, 6 × 6 × 6 µm").wait_for(timeout=PATIENCE)
+        window.mouse.click(*pixel(camera, (12.0, 0.0, HEIGHT), box))
+        note.get_by_text("mesh_1").wait_for(timeout=PATIENCE)
+        window.get_by_text(re.compile("10 traps, 4 robots, 1 cell, 7 obstacles")).wait_for(timeout=PATIENCE)
+        window.get_by_role("button", name="trap", exact=True).click()
+        note.get_by_text("click where the trap is to be").wait_for(timeout=PATIENCE)
+        window.mouse.click(*pixel(camera, (0.0, 10.0, HEIGHT), box))
+        window.locator("[data-remarks]").get_by_text("no sphere is within its reach").wait_for(timeout=PATIENCE)
+        ARTIFACTS.mkdir(parents=True, exist_ok=True)
+        window.evaluate("document.querySelectorAll('.mantine-Notification-root').forEach((e) => e.remove())")
+        window.screenshot(path=ARTIFACTS / "edit_pieces.png")
+        assert violations(window) == []
+        window.keyboard.press("Control+z")
+        window.get_by_text("nothing: it would run as it is").wait_for(timeout=PATIENCE)
+        window.get_by_role("button", name="Save").click()
+        window.get_by_text("saved as").first.wait_for(timeout=PATIENCE)
+        assert errors == []
+    drawn = Scene.load(out)
+    robots = [body for body in drawn.bodies if "robot_1" in body.prim]
+    assert [len(body.spheres) for body in robots] == [2, 2]
+    assert robots[0].position == pytest.approx((-10.0, 0.0, HEIGHT), abs=NEAR)
+    assert drawn.obstacles[-1].shape == "mesh" and drawn.obstacles[:-1] == before.obstacles
+    assert [body for body in drawn.bodies if body not in robots] == list(before.bodies)
 
 
 def check(drawn: Scene, before: Scene) -> None:

@@ -88,27 +88,72 @@ class StageEditor:
         Raises:
             InputError: The path is taken, or the scene with it could not be loaded.
         """
-        if self._stage.GetPrimAtPath(item.prim):
-            raise InputError(f"{item.prim}: path is taken; must be a new one")
+        self.author([item.prim], lambda builder: builder.add(item))
+
+    def author(self, prims: Sequence[str], write: Callable[[SceneBuilder], object]) -> None:
+        """Add what is written by a builder, as one edit.
+
+        Args:
+            prims: Paths of what is added.
+            write: Adds it to a `SceneBuilder` whose root is that of the scene.
+
+        Raises:
+            InputError: A path is taken, or the scene with it could not be loaded.
+        """
+        taken = [prim for prim in prims if self._stage.GetPrimAtPath(prim)]
+        if taken:
+            raise InputError(f"{taken[0]}: path is taken; must be a new one")
 
         def work() -> None:
             """Author it in a stage of its own, and copy what came of it."""
             builder = SceneBuilder(root=self.root)
-            builder.add(item)
+            write(builder)
             layer = builder.stage.GetRootLayer()
             looks = Sdf.Path(self.root).AppendChild("Looks")
             found = layer.GetPrimAtPath(looks)
-            paths = [Sdf.Path(item.prim), *(child.path for child in (found.nameChildren if found else ()))]
-            for path in paths:
-                if self._stage.GetPrimAtPath(path):
-                    continue
-                for parent in path.GetParentPath().GetPrefixes():
-                    if not self._stage.GetPrimAtPath(parent):
-                        self._stage.DefinePrim(parent, layer.GetPrimAtPath(parent).typeName)
-                Sdf.CreatePrimInLayer(self._edits, path)
-                Sdf.CopySpec(layer, path, self._edits, path)
+            for path in (*map(Sdf.Path, prims), *(child.path for child in (found.nameChildren if found else ()))):
+                if not self._stage.GetPrimAtPath(path):
+                    self._copy(layer, path, path)
 
         self._edit(work)
+
+    def duplicate(self, prims: Sequence[str], by: Sequence[float]) -> list[str]:
+        """Add copies of prims with all that they have, moved; among them a trap holds the copy of what it held.
+
+        No hand moves a copied trap: the hands have theirs.
+
+        Args:
+            prims: Paths.
+            by: In the world [µm].
+
+        Returns:
+            Paths of the copies, beside their originals.
+
+        Raises:
+            InputError: The scene could not be loaded with them.
+        """
+        names: dict[str, str] = {}
+        for prim in prims:
+            names[prim] = self._beside(prim, set(names.values()))
+
+        def work() -> None:
+            """Copy, let traps hold the copies, and move."""
+            flat = self._flat(None)
+            for old, new in names.items():
+                self._copy(flat, Sdf.Path(old), Sdf.Path(new))
+            for trap in [t for t in self.scene.traps if t.prim in names]:
+                copy = self._stage.GetPrimAtPath(names[trap.prim])
+                held = Sdf.Path(trap.holds) if trap.holds is not None else Sdf.Path()
+                for old, new in names.items():
+                    if not held.isEmpty and held.HasPrefix(Sdf.Path(old)):
+                        copy.GetRelationship("ot:trap:holds").SetTargets([held.ReplacePrefix(old, new)])
+                if trap.hand != "none":
+                    copy.GetAttribute("ot:trap:hand").Set("none")
+            for new in names.values():
+                self._move(self._stage.GetPrimAtPath(new), np.array([float(x) for x in by]))
+
+        self._edit(work)
+        return list(names.values())
 
     def move(self, prims: Iterable[str | tuple[str, int]], by: Sequence[float]) -> None:
         """Move prims, or instances of a point instancer, by the same way.
@@ -236,6 +281,22 @@ class StageEditor:
             if not self._stage.GetPrimAtPath(path):
                 return path
         raise AssertionError("counting ends nowhere")
+
+    def _beside(self, prim: str, others: set[str]) -> str:
+        """A path like that of a prim, at which nothing is."""
+        for n in itertools.count(1):
+            path = f"{prim}_copy_{n}"
+            if not self._stage.GetPrimAtPath(path) and path not in others:
+                return path
+        raise AssertionError("counting ends nowhere")
+
+    def _copy(self, layer: Sdf.Layer, old: Sdf.Path, new: Sdf.Path) -> None:
+        """A prim of a layer into the edits; what is above it is made where it is missing."""
+        for parent in new.GetParentPath().GetPrefixes():
+            if not self._stage.GetPrimAtPath(parent):
+                self._stage.DefinePrim(parent, layer.GetPrimAtPath(parent).typeName)
+        Sdf.CreatePrimInLayer(self._edits, new)
+        Sdf.CopySpec(layer, old, self._edits, new)
 
     def _edit(self, work: Callable[[], None]) -> None:
         """Do it, read the scene; undo it where that fails."""

@@ -15,6 +15,8 @@ from otwarp.scene.write.edit import StageEditor
 
 SCENES = Path(__file__).resolve().parents[3] / "scenes"
 SMALL = SCENES / "teleop_small.usda"
+WAY = (0.0, 0.0, 20.0)
+"""To where nothing is [µm]."""
 
 
 @pytest.fixture
@@ -179,3 +181,23 @@ def test_scenes_that_cannot_be_edited_are_refused(tmp_path: Path):
         StageEditor(metres)
     with pytest.raises(InputError, match="no such file"):
         StageEditor(tmp_path / "nothing.usda")
+
+
+def test_a_copy_has_all_of_its_original_and_its_traps_hold_it(editor: StageEditor, tmp_path: Path):
+    before, robot = editor.scene, editor.scene.bodies[0]
+    holding = [t for t in before.traps if (t.holds or "").startswith(f"{robot.prim}/")]
+    copies = editor.duplicate([robot.prim, *(t.prim for t in holding)], WAY)
+    assert copies[0] == f"{robot.prim}_copy_1" and editor.undoable == 1
+    now = {body.prim: body for body in editor.scene.bodies}
+    copy = now[copies[0]]
+    assert copy.position == pytest.approx(np.add(robot.position, WAY))
+    assert [(s.offset, s.radius, s.trapped) for s in copy.spheres] == [
+        (s.offset, s.radius, s.trapped) for s in robot.spheres
+    ]
+    traps = {t.prim: t for t in editor.scene.traps}
+    for old, name in zip(holding, copies[1:], strict=True):
+        new = traps[name]
+        assert new.holds == old.holds.replace(robot.prim, copy.prim) and new.hand == "none"
+        assert new.position.at(0.0) == pytest.approx(np.add(old.position.at(0.0), WAY))
+    assert editor.duplicate([robot.prim], (0.0, 0.0, 40.0)) == [f"{robot.prim}_copy_2"]
+    assert Scene.load(editor.save(tmp_path / "more.usda")) == editor.scene
