@@ -65,6 +65,11 @@ def test_a_recorded_run_has_its_colours_moves_as_recorded_and_is_not_white(run: 
     np.testing.assert_allclose(looks["rod"], [[*robot, 1.0]], atol=COLOUR)
     beams = sorted(looks["BeamAbove"].tolist())
     np.testing.assert_allclose(beams, [[*cyan, 0.25], [*red, 0.25]], atol=COLOUR)
+    # Blender binds no material to a shape, but meshes; the colours of shapes are there, and it can show them
+    assert {count for count, _ in said["plain"].values()} == ({1} if meshes else {0})
+    for name, (_, look) in said["plain"].items():
+        if not meshes:
+            assert min(np.abs(np.subtract(look, row)).max() for row in looks[name.split(".")[0]]) <= COLOUR
     with netCDF4.Dataset(run / "run.nc") as recorded:
         for frame, places in said["places"].items():
             place = recorded["position"][int(frame), 0, 0].data
