@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -39,9 +40,34 @@ def test_a_copy_replaces_nothing_unless_it_is_told_to(elsewhere: Path, capsys: p
     assert [p.name for p in elsewhere.iterdir()] == ["single_bead.usda"]
 
 
-def test_a_copied_study_finds_its_scene(elsewhere: Path) -> None:
+def test_a_copied_study_brings_its_scene(elsewhere: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["scenes", "copy", "capture", "-o", "mine.toml"]) == 0
-    assert load_study(Path("mine.toml")).design.scene.file == shipped("scenes", "table_trap")
+    scene = elsewhere / "table_trap.usda"
+    assert load_study(Path("mine.toml")).design.scene.file.resolve() == scene
+    assert scene.read_bytes() == shipped("scenes", "table_trap").read_bytes()
+    assert main(["scenes", "copy", "escape"]) == 0  # of the same scene, which stays
+    scene.write_text("mine")
+    assert main(["scenes", "copy", "transport"]) == 0
+    assert main(["scenes", "copy", "capture"]) == 2
+    assert "table_trap.usda is there already; allowed: a new file, or --force" in capsys.readouterr().err
+    assert scene.read_text() == "mine" and not Path("capture.toml").exists()
+
+
+@pytest.mark.parametrize("kind", ["studies", "vision"])
+def test_every_copy_finds_its_scene(elsewhere: Path, kind: str) -> None:
+    for name in names(kind):
+        Path(name).mkdir()
+        assert main(["scenes", "copy", name, "-o", f"{name}/{name}.toml"]) == 0
+        for scene in re.findall(r'^scene = "(.+?)"', Path(name, f"{name}.toml").read_text(), re.MULTILINE):
+            assert Path(name, scene).is_file()
+
+
+def test_a_copied_study_runs(elsewhere: Path) -> None:
+    assert main(["scenes", "copy", "capture"]) == 0
+    text = Path("capture.toml").read_text().replace("count = 16", "count = 2").replace('"1 s"', '"2 ms"')
+    Path("capture.toml").write_text(text.replace("half_width = 0.05\nat_most = 1024", "trials = 4"))
+    assert main(["study", "run", "capture.toml"]) == 0
+    assert main(["study", "show", "out/capture", "--json"]) == 0
 
 
 def test_commands_take_names(capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import click
@@ -12,6 +13,9 @@ from otwarp.cli.output import check_new
 from otwarp.errors import InputError
 from otwarp.files import written
 
+SCENE = re.compile(r'^scene = "\.\./scenes/(.+?)"', re.MULTILINE)
+"""Line of a study or a data set that names its scene."""
+
 
 @click.command()
 @click.argument("name")
@@ -20,17 +24,29 @@ from otwarp.files import written
 def copy(name: str, out: Path | None, force: bool) -> None:
     """Copy the shipped scene, study or data set NAME, to change it.
 
-    A copied study or data set names its scene as shipped, until its line `scene = …` says otherwise.
+    The scene that a study or a data set names is copied beside it; one that is there already, the same, stays.
     """
     kind, source = _source(name)
     file = out or Path(source.name)
-    if file.is_dir():
-        file = file / source.name
     check_new(file, force=force)
-    text = source.read_text(encoding="utf-8").replace('scene = "../scenes/', 'scene = "scenes/')
+    text = source.read_text(encoding="utf-8")
+    if found := SCENE.search(text):
+        _copy_scene(shipped.shipped("scenes", found[1]), file.parent, force)
+        text = SCENE.sub(r'scene = "\1"', text)
     with written(file) as part:
         part.write_text(text, encoding="utf-8")
     click.echo(f"wrote {file}: {shipped.about(kind, source.stem)}")
+
+
+def _copy_scene(source: Path, folder: Path, force: bool) -> None:
+    """The scene of a study, beside it."""
+    file, content = folder / source.name, source.read_bytes()
+    if file.is_file() and file.read_bytes() == content:
+        return
+    check_new(file, force=force)
+    with written(file) as part:
+        part.write_bytes(content)
+    click.echo(f"wrote {file}: {shipped.about('scenes', source.stem)}")
 
 
 def _source(name: str) -> tuple[str, Path]:
