@@ -54,6 +54,7 @@ THOROUGH = (
     "kernels/test_step.py",
     "operators/perception/test_sweep.py",
     "operators/test_delivery.py",
+    "operators/test_device.py",
     "operators/test_killed.py",
     "optics/test_table.py",
     "perception/test_process.py",
