@@ -43,6 +43,7 @@ class Plan:
         bytes: Of the results, uncompressed, where every trial is computed.
         horizon: How long a trial goes on at most [s].
         budget: Trials of all points together; None: each has its own.
+        half_width: That intervals come to with the most trials of a point where that is more than asked for, else None.
         grouped_by: Axes whose values need models of their own.
     """
 
@@ -56,6 +57,7 @@ class Plan:
     bytes: int
     horizon: float
     budget: int | None = None
+    half_width: float | None = None
     grouped_by: tuple[str, ...] = ()
 
 
@@ -76,6 +78,7 @@ def plan_of(study: AnyStudy) -> Plan:
         steps=round(most * share * runner.steps),
         bytes=design.points * 4 + (study.stop.budget or design.points * study.stop.at_most) * per_trial,
         budget=study.stop.budget,
+        half_width=study.stop.reached(),
         grouped_by=design.grouped_by,
     )
 

@@ -12,6 +12,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,10 +20,11 @@ import pytest
 import otwarp as ot
 from otwarp.cli.main import main
 from otwarp.errors import InputError
-from otwarp.studies.engines.local import tasks
+from otwarp.studies.engines.local import on_this_host, tasks
 from otwarp.studies.engines.on_ray import ray_engine
 from otwarp.studies.engines.run import run_study
 from otwarp.studies.engines.sent import packed, unpacked
+from otwarp.studies.file import load_study
 from otwarp.studies.store import open_store
 from tests.studies.scenes import bead_in_a_well, study_of_a_well
 
@@ -146,8 +148,6 @@ def test_tasks_of_gpus(folder):
 
 def test_nodes_that_are_lost_and_come(folder, whole, tmp_path):
     """One of two nodes is killed in mid-work and another one joins: bit for bit the one process's."""
-    from otwarp.studies.file import load_study
-
     with cluster() as (made, nodes):
         changed = False
 
@@ -276,6 +276,38 @@ def test_kills_of_a_study_of_escapes(folder, tmp_path):
     engine = ["--engine", "ray"] if importlib.util.find_spec("ray") is not None else []
     assert main([*line[3:], str(out), *engine]) == 0
     assert open_store(out).read().load().identical(open_store(whole).read().load())
+
+
+RULES = {
+    "widths": "half_width = 0.03\nat_most = 2048",
+    "contour": "contour = 0.5\nhalf_width = 0.03",
+    "budget": "contour = 0.5\nhalf_width = 0.03\nbudget = 20_000",
+    "largest": 'largest = 0.5\nalong = "start.x:/World/bead"\ntrials = 1024',
+}
+"""Ways to stop that decide by what was seen."""
+
+
+@pytest.mark.parametrize("stop", RULES.values(), ids=RULES)
+def test_every_engine_under_every_rule(folder, tmp_path, stop):
+    """Two devices side by side, shards in another order, and Ray: the bits of one device."""
+    file = folder / "rule.toml"
+    file.write_text(FILE.replace("trials = 2048", stop))
+    ways: dict[str, list[dict[str, Any]]] = {
+        "one": [{"devices": ["cpu"]}],
+        "two": [{"engine": on_this_host(["cpu", "cpu"])}],
+    }
+    if "budget" not in stop:  # all points share it
+        ways["shards"] = [{"devices": ["cpu"], "shard": (n, 3)} for n in (3, 1, 2)]
+    if importlib.util.find_spec("ray") is not None:
+        ways["ray"] = [{"engine": ray_engine(device="cpu")}]
+    found = {}
+    for name, runs in ways.items():
+        for how in runs:
+            store = run_study(load_study(file), tmp_path / name, **how)
+        assert len(store.finished()) == len(load_study(file).blocks()) > 2
+        found[name] = store.read().load()
+    assert all(one.identical(found["one"]) for one in found.values())
+    assert len(np.unique(found["one"]["trials"])) > 1
 
 
 def test_shards_that_begin_together(folder, whole, tmp_path):

@@ -51,6 +51,10 @@ def plan(file: Path, device: str | None, as_json: bool) -> None:
     least, most = found.trials
     shared = "" if found.budget is None else f", of a budget of {found.budget:,} for all points"
     click.echo(f"trials    {least:,}" + ("" if least == most else f" to {most:,}") + shared)
+    if found.half_width is not None:
+        hard = " or ".join(f"{p:g}" for p in study.stop.hardest)
+        click.echo(f"          with at most {study.stop.at_most:,} a point intervals at P = {hard} come to "
+                   f"± {found.half_width:.2g}, not to ± {study.stop.half_width:g}")  # fmt: skip
     own = f" to {found.longest_step:.3g} s" if found.longest_step > found.time_step else ""
     click.echo(f"steps     of {found.time_step:.3g} s{own}, up to {found.horizon / found.time_step:,.0f} a trial")
     click.echo(f"blocks    {found.blocks:,}, kept one by one")

@@ -44,7 +44,7 @@ def spend(study: AnyStudy, store: Store, engine: Engine, progress: Progress) -> 
         before = after
     for number in range(len(blocks)):
         store.mark(number)
-    progress(int(before.sum()), budget)
+    progress(int(before.sum()), int(before.sum()))  # all that there will be: what is left was wanted by nobody
 
 
 def _scaled(

@@ -56,6 +56,11 @@ class Contour(Stop):
             for name, value in {"looks": looks, "at_least": looks[0], "at_most": looks[-1]}.items():
                 object.__setattr__(self, name, value)  # what follows from the others
 
+    @property
+    def hardest(self) -> tuple[float, ...]:
+        """The levels; see `Stop.hardest`."""
+        return self.levels
+
     def check(self, probabilities: Sequence[str], points: int) -> None:
         """As `Stop.check`; a contour needs a probability.
 

@@ -77,6 +77,19 @@ class Stop:
         """
         return interval(successes, trials, level=self.level, method=self.method)
 
+    @property
+    def hardest(self) -> tuple[float, ...]:
+        """Probabilities whose intervals take most trials, of those that are to be narrow."""
+        return (0.5,)
+
+    def reached(self) -> float | None:
+        """Half-width that intervals come to with `at_most` trials where that is more than wanted; else None."""
+        if self.half_width is None:
+            return None
+        low, high = self.interval(np.rint(np.array(self.hardest) * self.at_most)[None], np.array(self.at_most))
+        widest = 0.5 * float(np.max(high - low))
+        return widest if widest > self.half_width else None
+
     def wanted(self, successes: np.ndarray, trials: np.ndarray, row: int = 1) -> np.ndarray:
         """(n) trials that points should have, no more than they have where they have enough.
 

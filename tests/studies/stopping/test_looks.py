@@ -8,6 +8,7 @@ import pytest
 from otwarp.studies.stopping.contour import contour
 from otwarp.studies.stopping.intervals import interval
 from otwarp.studies.stopping.looks import doubling, level_at, looks_for
+from otwarp.studies.stopping.rules import half_width, trials
 
 
 @pytest.mark.parametrize(("first", "last"), [(16, 16), (16, 20), (16, 3_221), (64, 16_384), (1, 3)])
@@ -44,6 +45,22 @@ def test_the_last_look_is_the_first_that_is_narrow(levels, width):
 
     assert widest(looks) <= width < widest(doubling(16, int(0.97 * looks[-1])))
     assert looks_for(levels, width, 0.95, 16, 100) == doubling(16, 100)
+
+
+@pytest.mark.parametrize(
+    ("rule", "reached"),
+    [
+        (half_width(0.05), None),
+        (half_width(0.05, at_most=100), 0.1017),
+        (contour(0.5, half_width=0.02), None),
+        (contour(0.95, half_width=0.02, at_most=100), 0.0552),
+        (trials(9), None),
+    ],
+    ids=str,
+)
+def test_a_rule_says_what_it_cannot_reach(rule, reached):
+    """Half-widths with the most trials there may be, as `otwarp study plan` says them."""
+    assert rule.reached() == (None if reached is None else pytest.approx(reached, abs=1e-4))
 
 
 def test_a_point_goes_from_look_to_look():
