@@ -5,7 +5,8 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from typing import Any
+from contextlib import AbstractContextManager
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import warp as wp
@@ -19,6 +20,15 @@ Progress = Callable[[int, int], None]
 
 Engine = Callable[[AnyStudy, Store, Sequence[int], Progress], None]
 """Computes blocks by their numbers, and keeps each in the store as soon as it is whole."""
+
+
+@runtime_checkable
+class Connecting(Protocol):
+    """An engine that takes long to reach: who calls it several times keeps it reached."""
+
+    def connected(self) -> AbstractContextManager[Any]:
+        """Reached, until the context ends."""
+        ...
 
 
 def parse_shard(text: str) -> tuple[int, int]:

@@ -16,12 +16,13 @@ import sys
 import threading
 import warnings
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from otwarp.errors import InputError
 from otwarp.studies.any_study import AnyStudy
-from otwarp.studies.engines.local import Engine, Progress, compute_and_keep, tasks
+from otwarp.studies.engines.local import Progress, compute_and_keep, tasks
 from otwarp.studies.engines.ray_internals import silent_workers, sockets_in
 from otwarp.studies.engines.sent import packed, unpacked
 from otwarp.studies.store import Store, versions
@@ -36,7 +37,29 @@ LONGEST_FOLDER = 40
 """Characters of the folder in which Ray's sockets lie, whose whole names may have 107."""
 
 
-def ray_engine(address: str | None = None, *, device: str | None = None) -> Engine:
+@dataclass(frozen=True)
+class RayEngine:
+    """Computes blocks as tasks of Ray; made by `ray_engine`.
+
+    Attributes:
+        address: Of the cluster; None: all of this host.
+        device: `cpu`, `cuda`, or None for what there is.
+    """
+
+    address: str | None
+    device: str | None
+
+    def __call__(self, study: AnyStudy, store: Store, todo: Sequence[int], progress: Progress) -> None:
+        """Give blocks out, until all are in the store."""
+        with _connected(self.address) as ray:
+            _give_out(ray, study, store, todo, progress, self.device)
+
+    def connected(self) -> contextlib.AbstractContextManager[Any]:
+        """Ray, connected for several calls: on this host alone it takes seconds to start."""
+        return _connected(self.address)
+
+
+def ray_engine(address: str | None = None, *, device: str | None = None) -> RayEngine:
     """The engine of a Ray cluster.
 
     Args:
@@ -57,13 +80,7 @@ def ray_engine(address: str | None = None, *, device: str | None = None) -> Engi
             pass
     elif address is not None:
         check_reachable(address)
-
-    def run(study: AnyStudy, store: Store, todo: Sequence[int], progress: Progress) -> None:
-        """Give blocks out, until all are in the store."""
-        with _connected(address) as ray:
-            _give_out(ray, study, store, todo, progress, device)
-
-    return run
+    return RayEngine(address, device)
 
 
 def check_reachable(address: str) -> None:

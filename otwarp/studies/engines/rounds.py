@@ -7,13 +7,15 @@ finds what they count.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from otwarp.studies.any_study import AnyStudy
 from otwarp.studies.compute import successes
-from otwarp.studies.engines.local import Engine, Progress
+from otwarp.studies.engines.local import Connecting, Engine, Progress
 from otwarp.studies.store import Store
 
 
@@ -26,6 +28,20 @@ def spend(study: AnyStudy, store: Store, engine: Engine, progress: Progress) -> 
         engine: Who computes a round.
         progress: Called with the trials taken and the budget.
     """
+    with _reached(engine):
+        spent = _rounds(study, store, engine, progress)
+    for number in range(len(study.blocks())):
+        store.mark(number)
+    progress(spent, spent)  # all that there will be: what is left was wanted by nobody
+
+
+def _reached(engine: Engine) -> contextlib.AbstractContextManager[Any]:
+    """The engine, for all rounds."""
+    return engine.connected() if isinstance(engine, Connecting) else contextlib.nullcontext()
+
+
+def _rounds(study: AnyStudy, store: Store, engine: Engine, progress: Progress) -> int:
+    """All rounds; trials that they took together."""
     shape, blocks = study.design.shape, study.blocks()
     places = np.arange(study.design.points).reshape(shape)
     before = np.zeros(study.design.points, dtype=np.int64)
@@ -42,9 +58,7 @@ def spend(study: AnyStudy, store: Store, engine: Engine, progress: Progress) -> 
         grown = [n for n, where in enumerate(blocks) if np.any((after > before)[places[where]])]
         seen = _counted(study, store, grown, after, seen)
         before = after
-    for number in range(len(blocks)):
-        store.mark(number)
-    progress(int(before.sum()), int(before.sum()))  # all that there will be: what is left was wanted by nobody
+    return int(before.sum())
 
 
 def _scaled(
