@@ -43,3 +43,31 @@ def read_triangles(mesh: Any, name: str, allowed: str) -> tuple[str, Any]:
         corners = mesh.vertices[mesh.faces[wrong[0]]].tolist()
         raise InputError(f"{name}: triangle {wrong[0]} has the corners {corners}; allowed: finite numbers")
     return name, trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+
+
+SMALLEST_MESH, LARGEST_MESH = 0.1, 1e5
+"""Longest side of the box around a mesh [µm]: less than a trapped sphere, more than a chip. Single precision holds
+places of the largest to 8 nm."""
+
+
+def check_mesh_size(name: str, length: float, metres_per_unit: float) -> None:
+    """Refuse a mesh whose unit was mistaken.
+
+    Args:
+        name: What errors call it.
+        length: Longest side of its box, in its units.
+        metres_per_unit: Length of a unit [m].
+
+    Raises:
+        InputError: It is larger or smaller than anything under a microscope; with the units that would do.
+    """
+    size = length * metres_per_unit / 1e-6
+    if SMALLEST_MESH <= size <= LARGEST_MESH:
+        return
+    units = {"µm": 1e-6, "mm": 1e-3, "m": 1.0, "nm": 1e-9, "inches": 0.0254}
+    fits = [f"{m:g} ({unit})" for unit, m in units.items() if SMALLEST_MESH <= length * m / 1e-6 <= LARGEST_MESH]
+    hint = f"; --scale {' or '.join(fits)} would do" if fits else ""
+    raise InputError(
+        f"{name}: is {size:.3g} µm long, by --scale {metres_per_unit:g} metres per unit; allowed: "
+        f"{SMALLEST_MESH:g} to {LARGEST_MESH:g} µm{hint}"
+    )

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from otwarp.cli.options import json_option, out_option
+from otwarp.cli.options import json_option, mesh_scale_option, out_option
 from otwarp.cli.output import json_text, tables_console
-from otwarp.cli.types import COUNT, FILE, FRACTION, POSITIVE
+from otwarp.cli.types import COUNT, FILE, FRACTION
 
 if TYPE_CHECKING:
     from otwarp.hydrodynamics.decomposition import Decomposition
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     metavar="X",
     help="As many spheres as it takes to misplace no more than this part of the volume; default, without -n: 0.1.",
 )
-@click.option("--scale", type=POSITIVE, default=1.0, show_default=True, help="Micrometres per unit of the mesh.")
+@mesh_scale_option
 @out_option("FILE", "USD file for the body.")
 @json_option
 def decompose(
@@ -39,7 +39,7 @@ def decompose(
     """Turn a closed MESH (STL, OBJ, PLY, …) into spheres for optical forces, and say how well they stand for it."""
     from otwarp.hydrodynamics.decomposition import decompose as run
 
-    found = run(mesh, spheres=spheres, volume_error=volume_error, scale=scale)
+    found = run(mesh, spheres=spheres, volume_error=volume_error, metres_per_unit=scale)
     about = _describe(mesh, found)
     if out is not None:
         from otwarp.scene.write.body_file import write_body

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from otwarp.cli.options import force_option, json_option, out_option
+from otwarp.cli.options import force_option, json_option, mesh_scale_option, out_option
 from otwarp.cli.output import check_new, json_text
 from otwarp.cli.types import FILE, Number
 from otwarp.errors import InputError
@@ -31,8 +31,7 @@ def _place(context: click.Context, parameter: click.Parameter, value: str) -> tu
 @click.command("import")
 @click.argument("mesh", type=FILE)
 @click.option("--into", type=FILE, metavar="SCENE", help="Scene that gets the obstacle; without, only the report.")
-@click.option("--scale", type=Number(0.0, 1e3, above=True), default=1e-6, show_default=True, metavar="METRES",
-              help="Length of a unit of the mesh: 1e-6 for µm, 1e-3 for mm.")  # fmt: skip
+@mesh_scale_option
 @click.option("--as", "kind", type=click.Choice(["solid", "chamber", "sheet"]), default="solid", show_default=True,
               help="What its surface bounds: a solid, a chamber around bodies, or nothing (a thin wall).")  # fmt: skip
 @click.option("--simplify", type=Number(4, 10**7, whole=True), metavar="N", help="Reduce it to about N triangles.")

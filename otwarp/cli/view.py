@@ -36,6 +36,8 @@ def view(paths: tuple[Path, ...], world: int, scene: Path | None, theme: str, **
     from otwarp.view.serve import ServeOptions
     from otwarp.view.show import show_runs, show_study
 
+    if scene is not None and not scene.is_file():
+        raise InputError(f"--scene is {scene}, which is no file; allowed: the scene of a session")
     if len(paths) > 2:
         raise InputError(f"{len(paths)} runs; allowed: one, or two to compare")
     if any((path / "study.json").exists() for path in paths):

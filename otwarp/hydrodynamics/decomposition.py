@@ -67,7 +67,7 @@ class Decomposition:
 
 
 def decompose(
-    mesh: Any, *, spheres: int | None = None, volume_error: float | None = None, scale: float = 1.0
+    mesh: Any, *, spheres: int | None = None, volume_error: float | None = None, metres_per_unit: float = 1e-6
 ) -> Decomposition:
     """Spheres that stand for a closed mesh.
 
@@ -76,10 +76,10 @@ def decompose(
         spheres: How many at most (what the grid does not resolve is left out); or
         volume_error: how much of the volume may be in the wrong place, in (0, 1): as many spheres as that takes. With
             neither, 0.1.
-        scale: Micrometres per unit of the mesh.
+        metres_per_unit: Length of a unit of the mesh [m]: 1e-6 for µm, 1e-3 for mm.
 
     Raises:
-        InputError: A mesh that cannot be read or is not closed, both wishes at once, one out of range, or more than
+        InputError: A mesh that cannot be read, is not closed or too small or large, both wishes at once, one out of range, or more than
             `MOST_SPHERES` spheres needed.
     """
     if spheres is not None and volume_error is not None:
@@ -89,7 +89,7 @@ def decompose(
     wanted = 0.1 if volume_error is None else volume_error
     if not 0.0 < wanted < 1.0:
         raise InputError(f"argument volume_error = {wanted:g}: must be in (0, 1)")
-    surface = closed_mesh(mesh, scale)
+    surface = closed_mesh(mesh, metres_per_unit)
     solid = solid_of(surface, CELLS)
     first, size = _greedy_cover(solid, spheres or MOST_SPHERES)
     best = None

@@ -9,7 +9,7 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.hydrodynamics.mesh_surface import sample_mesh
-from otwarp.triangles import read_triangles
+from otwarp.triangles import check_mesh_size, read_triangles
 
 MOST_CELLS = 20_000_000
 """Cells of the box around a mesh; one that needs more is too thin or too sparse for balls anyway."""
@@ -44,22 +44,25 @@ class Solid:
     fill: np.ndarray
 
 
-def closed_mesh(mesh: Any, scale: float = 1.0) -> ClosedMesh:
+def closed_mesh(mesh: Any, metres_per_unit: float = 1e-6) -> ClosedMesh:
     """Read and check a mesh.
 
     Args:
         mesh: File that trimesh reads (STL, OBJ, PLY, …), a `trimesh.Trimesh`, or (vertices, triangles).
-        scale: Micrometres per unit of the mesh.
+        metres_per_unit: Length of a unit of the mesh [m].
 
     Raises:
-        InputError: No such file, the package trimesh is missing, or the surface is not closed.
+        InputError: No such file, the package trimesh is missing, the surface is not closed, or its size is one
+            that no microscope would show.
     """
-    if not (np.isfinite(scale) and scale > 0.0):
-        raise InputError(f"argument scale = {scale:g}: must be in (0, inf)")
+    if not (np.isfinite(metres_per_unit) and metres_per_unit > 0.0):
+        raise InputError(f"argument metres_per_unit = {metres_per_unit:g}: must be in (0, inf)")
     name, mesh = read_triangles(mesh, "argument mesh", "a closed triangle mesh")
     mesh.process(validate=False)  # joins the corners that STL keeps apart
     if not (mesh.is_watertight and mesh.is_winding_consistent):
         raise InputError(f"{name}: the surface has holes or is turned inside out in parts; allowed: a closed one")
+    check_mesh_size(name, float(np.ptp(mesh.vertices, axis=0).max()), metres_per_unit)
+    scale = metres_per_unit / 1e-6
     vertices, triangles = scale * np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces, dtype=np.int64)
     volume = float(mesh.volume) * scale**3
     if not (np.isfinite(volume) and volume != 0.0):

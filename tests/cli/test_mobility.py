@@ -142,7 +142,7 @@ def test_decompose_writes_a_body_that_scenes_accept(mesh, tmp_path, capfd):
 
 
 def test_decompose_to_a_wanted_error(mesh, capfd):
-    assert main(["decompose", str(mesh), "--volume-error", "0.3", "--scale", "0.5", "--json"]) == 0
+    assert main(["decompose", str(mesh), "--volume-error", "0.3", "--scale", "5e-7", "--json"]) == 0
     found = json.loads(output(capfd))
     assert found["volume_error"] <= 0.3
     assert found["volume"] == pytest.approx((2 * np.pi + 4 / 3 * np.pi) / 8, rel=0.03)

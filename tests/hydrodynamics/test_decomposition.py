@@ -96,7 +96,7 @@ def test_wanted_volume_error_is_kept():
 
 def test_scale_and_pairs_of_arrays():
     mesh = trimesh.creation.icosphere(3)
-    d = decompose((mesh.vertices, mesh.faces), spheres=1, scale=2.5)
+    d = decompose((mesh.vertices, mesh.faces), spheres=1, metres_per_unit=2.5e-6)
     assert d.radii[0] == pytest.approx(2.5, rel=0.01)
 
 
@@ -118,7 +118,8 @@ def test_bad_input(tmp_path, monkeypatch):
         (lambda: decompose(mesh, spheres=0), r"argument spheres = 0: must be a whole number in \[1, 128\]"),
         (lambda: decompose(mesh, spheres=3, volume_error=0.1), "must be left out beside"),
         (lambda: decompose(mesh, volume_error=1.5), r"argument volume_error = 1.5: must be in \(0, 1\)"),
-        (lambda: decompose(mesh, scale=0.0), r"argument scale = 0: must be in \(0, inf\)"),
+        (lambda: decompose(mesh, metres_per_unit=0.0), r"argument metres_per_unit = 0: must be in \(0, inf\)"),
+        (lambda: decompose(mesh, metres_per_unit=0.5), r"is 1e\+06 µm long, by --scale 0.5.* --scale 1e-06 \(µm\)"),
     ):
         with pytest.raises(InputError, match=says) as error:
             call()

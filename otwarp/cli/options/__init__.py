@@ -78,6 +78,15 @@ mode_option = click.option(
     "--mode", type=click.Choice(["stable", "paper"]), default="stable", show_default=True, help="Haptic chain."
 )
 
+mesh_scale_option = click.option(
+    "--scale",
+    type=Number(0.0, 1e3, above=True),
+    default=1e-6,
+    show_default=True,
+    metavar="METRES",
+    help="Length of a unit of the mesh: 1e-6 for µm, 1e-3 for mm.",
+)
+
 force_option = click.option("--force", is_flag=True, help="Replace a file that is there.")
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object for a program, and no text.")

@@ -14,7 +14,7 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.scene.meshes import is_closed, nearest_distance
-from otwarp.triangles import read_triangles
+from otwarp.triangles import check_mesh_size, read_triangles
 
 Kind = Literal["solid", "chamber", "sheet"]
 ENDINGS = (".stl", ".obj", ".ply")
@@ -25,10 +25,6 @@ LARGEST_FILE = 1 << 30
 
 MOST_TRIANGLES = 500_000
 """Of an obstacle; a scene of as many as text has some forty megabytes."""
-
-SMALLEST, LARGEST = 0.1, 1e5
-"""Longest side of the box around a mesh [µm]: less than a trapped sphere, more than a chip. Single precision holds
-places of the largest to 8 nm."""
 
 SAMPLES, REACH = 1000, 0.05
 """How many corners are looked at for what simplifying moved, and how far, over the longest side."""
@@ -90,7 +86,7 @@ def read_surface(
         raise InputError(f"{name}: {_hole(found, metres_per_unit)}; allowed: a closed surface, or --as sheet for a "
                          "thin wall that is solid from both sides")  # fmt: skip
     scale = metres_per_unit / 1e-6
-    _check_size(name, found, scale, metres_per_unit)
+    check_mesh_size(name, float(np.ptp(found.vertices, axis=0).max()), metres_per_unit)
     moved = 0.0
     if simplify is not None:
         found, moved = _simplified(name, found, kind, simplify)
@@ -165,17 +161,6 @@ def _hole(mesh: Any, metres_per_unit: float) -> str:
     x, y, z = np.asarray(mesh.vertices)[odd[0]].mean(axis=0) * metres_per_unit * 1e6
     what = "has holes" if (counts < 2).any() else "has edges of more than two triangles"
     return f"the surface {what}, {len(odd)} edges in all, the first near ({x:.4g}, {y:.4g}, {z:.4g}) µm"
-
-
-def _check_size(name: str, mesh: Any, scale: float, metres_per_unit: float) -> None:
-    size = float(np.ptp(mesh.vertices, axis=0).max()) * scale
-    if SMALLEST <= size <= LARGEST:
-        return
-    units = {"µm": 1e-6, "mm": 1e-3, "m": 1.0, "nm": 1e-9, "inches": 0.0254}
-    fits = [f"{m:g} ({unit})" for unit, m in units.items() if SMALLEST <= size * m / metres_per_unit <= LARGEST]
-    hint = f"; --scale {' or '.join(fits)} would do" if fits else ""
-    raise InputError(f"{name}: is {size:.3g} µm long, by --scale {metres_per_unit:g} metres per unit; allowed: "
-                     f"{SMALLEST:g} to {LARGEST:g} µm{hint}")  # fmt: skip
 
 
 def _simplified(name: str, mesh: Any, kind: Kind, count: int) -> tuple[Any, float]:
