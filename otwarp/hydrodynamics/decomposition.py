@@ -79,8 +79,8 @@ def decompose(
         metres_per_unit: Length of a unit of the mesh [m]: 1e-6 for µm, 1e-3 for mm.
 
     Raises:
-        InputError: A mesh that cannot be read, is not closed or too small or large, both wishes at once, one out of range, or more than
-            `MOST_SPHERES` spheres needed.
+        InputError: A mesh that cannot be read, is not closed, too small or too large, both wishes at once, one out of
+            range, or more than `MOST_SPHERES` spheres needed.
     """
     if spheres is not None and volume_error is not None:
         raise InputError(f"argument spheres = {spheres}: must be left out beside a wanted volume error")
