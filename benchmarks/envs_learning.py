@@ -29,7 +29,8 @@ from otwarp.envs.experts.navigate import ShortestPath, StraightLine
 from otwarp.envs.experts.operator import Operator, Shared
 from otwarp.envs.experts.policies import RandomPolicy, Seen
 from otwarp.envs.experts.push import Pusher
-from otwarp.envs.experts.servo import PowerServo, SpacingServo
+from otwarp.envs.experts.servo import ConstantPower, PowerServo, SpacingServo
+from otwarp.envs.experts.strides import STRIDE, Strider
 from otwarp.envs.layout import Layout
 from otwarp.envs.registration import task_of
 from otwarp.envs.rollout import Rollout, run_policy
@@ -59,13 +60,22 @@ SCRIPTS: dict[str, dict[str, Callable[[], Policy]]] = {
         "the same, 55 µm/s": lambda: ShortestPath(speed=55.0),
     },
     "otwarp/Push-v0": {"random": lambda: RandomPolicy(2), "round the cell, then against it": Pusher},
-    "otwarp/Hold-v0": {"random": lambda: RandomPolicy(1), "power by the distance from the trap": PowerServo},
+    "otwarp/Hold-v0": {
+        "random": lambda: RandomPolicy(1),
+        **{f"always {power:g} mW": lambda power=power: ConstantPower(power) for power in (0.4, 0.6, 0.8, 1.0)},
+        "power by the distance from the trap": PowerServo,
+    },
     "otwarp/Orient-v0": {"random": lambda: RandomPolicy(2), "spacing by the error of the height": SpacingServo},
     "otwarp/CellDelivery-v0": {
         "random": lambda: RandomPolicy(4),
         "both hands on the path, 19 µm/s": Carrier,
         "the same, 24 µm/s": lambda: Carrier(speed=24.0),
         "the same, 28 µm/s": lambda: Carrier(speed=28.0),
+    },
+    "otwarp/CellDeliveryOTGym-v0": {
+        "random of its ten choices": lambda: Strider(None),
+        "always choice 6, 3.3 µm a step": Strider,
+        **{f"always choice {n}, {STRIDE * n:.3g} µm a step": lambda n=n: Strider(n) for n in (7, 8, 9)},
     },
 }
 """Scripts by task."""
@@ -76,6 +86,7 @@ def played(task: Task, said: str, make: Callable[[], Policy], episodes: int, dev
     file = OUT / f"{''.join(c if c.isalnum() else '_' for c in said)}_{episodes}.npz"
     if not file.is_file():
         print(f"{said}: {episodes} episodes", flush=True)
+        file.parent.mkdir(parents=True, exist_ok=True)
         found = run_policy(task, make(), episodes=episodes, seed=SEED, device=device)
         with written(file, f"out/{file.name}") as part, part.open("wb") as stream:
             np.savez(stream, **vars(found))

@@ -65,6 +65,7 @@ def place_data(layout: Layout, model: Model) -> tuple[Any, list[wp.Mesh]]:
     data.equilibrium = device_array(away, wp.vec3, device)
     data.hand = device_array(layout.hand, wp.int32, device)
     data.obstacles, meshes = pack_obstacles(scene, True, place)
+    data.flow_speed = model.data.flow.speed
     data.period, data.time_limit = 1.0 / task.rate, task.time_limit
     data.speed_limit = task.speed_limit
     data.low_power, data.high_power = task.power
@@ -76,8 +77,9 @@ def episode_data(layout: Layout, model: Model) -> Any:
     data, w, f = EpisodeData(), model.worlds, model.features
     traps, bodies, numbers = len(model.scene.traps), len(model.scene.bodies), len(layout.acted)
     shapes = {
-        "goal": (w,), "focus": (w, traps), "power": (w, traps), "start": (w, bodies), "before": (w, bodies),
-        "turned": (w, bodies if f.rigid else 0), "gap": (w, bodies), "action": (w, numbers),
+        "goal": (w,), "focus": (w, traps), "power": (w, traps), "energy": (w,),
+        "start": (w, bodies), "before": (w, bodies), "turned": (w, bodies if f.rigid else 0), "gap": (w, bodies),
+        "action": (w, numbers),
         "last_action": (w, numbers), "period": (w,), "held": (w,), "number": (w,), "flags": (w,), "variant": (w,),
     }  # fmt: skip
     for name, shape in shapes.items():

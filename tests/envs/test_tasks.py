@@ -7,11 +7,12 @@ import pytest
 
 pytest.importorskip("gymnasium", reason="pip install 'otwarp[envs]'")
 
+from otwarp.envs.batch import Batch
 from otwarp.envs.experts.delivery import Carrier
 from otwarp.envs.experts.navigate import ShortestPath, StraightLine
 from otwarp.envs.experts.operator import Operator, Shared
 from otwarp.envs.experts.policies import RandomPolicy
-from otwarp.envs.experts.servo import TiltServo
+from otwarp.envs.experts.servo import ConstantPower, TiltServo
 from otwarp.envs.experts.strides import Strider
 from otwarp.envs.registration import TASKS, task_of
 from otwarp.envs.rollout import run_policy
@@ -61,6 +62,26 @@ def test_who_goes_straight_collides_and_who_hurries_loses_the_robot():
     assert ended(name, play(name, StraightLine(speed=60.0)), "lost") >= 12
     careful = play(name, ShortestPath(speed=25.0), 8)
     assert careful.periods.mean() > play(name, ShortestPath(speed=50.0), 8).periods.mean()
+
+
+def test_of_what_holds_only_little_power_succeeds(device):
+    """Mean power over the least, 6πηa·u/f with f = 1.591 pN/mW, decides; u is that of the episode."""
+    task, power, n = task_of("otwarp/Hold-v0"), 0.8, 60
+    batch = Batch(task, n, device=device, autoreset="off")
+    batch.restart(seeds=np.arange(n))
+    batch.actions.fill_(2.0 * power / task.power[1] - 1.0)
+    for _ in range(160):
+        batch.step()
+    speed = batch.sim.model.data.flow.speed.numpy()
+    kept = np.flatnonzero(batch.verdict.outcome.numpy() != 1 + [e.name for e in task.ends].index("lost"))
+    drag = 6.0 * np.pi * 0.00089 * 2.5
+    share = power / (drag * speed / (0.5684 * 2.7989))
+    assert len(kept) > 50 and 10 < np.count_nonzero(share[kept] < 1.5) < 40
+    clear = kept[np.abs(share[kept] - 1.5) > 1e-4]
+    assert np.array_equal(batch.verdict.success.numpy()[clear], share[clear] < 1.5)
+    assert batch.episode.energy.numpy()[kept] == pytest.approx(8.0 * power, rel=1e-4)
+    wasted = run_policy(task, ConstantPower(0.4), episodes=COUNT, seed=5, device=device)
+    assert wasted.success.sum() < 17
 
 
 def test_deliveries():

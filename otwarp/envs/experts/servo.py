@@ -15,18 +15,33 @@ POWERS = (8.0, 32.0)
 """Of a trap of Orient by strategy B, at -1 and 1 of its action [mW]."""
 
 
+class ConstantPower:
+    """The same power whatever the stream does.
+
+    Args:
+        power: Of the trap of Hold [mW].
+    """
+
+    def __init__(self, power: float):
+        self.power = power
+
+    def __call__(self, seen: Seen, fresh: np.ndarray) -> np.ndarray:
+        """(N, 1) actions."""
+        return np.full((len(fresh), 1), 2.0 * self.power / MOST_POWER - 1.0)
+
+
 class PowerServo:
     """As much power as lets the robot hang `wanted` off the trap: its force grows with both.
 
     Args:
-        wanted: Distance from the trap [µm]; the force is largest at 2.8.
+        wanted: Distance from the trap [µm]; the force is largest at 2.8, and thermal motion goes 0.2 to 0.4 beyond.
         margin: Power that is kept at least [mW].
     """
 
     MEMORY = 0.9
     """Share of the last estimate that is kept in each period: thermal motion is averaged away."""
 
-    def __init__(self, wanted: float = 1.7, margin: float = 0.1):
+    def __init__(self, wanted: float = 2.1, margin: float = 0.1):
         self.wanted, self.margin = wanted, margin
         self._need = np.zeros(0)
 

@@ -108,6 +108,7 @@ def begin(
     for a in range(episode.action.shape[1]):
         episode.action[world, a] = float(0.0)
         episode.last_action[world, a] = float(0.0)
+    episode.energy[world] = float(0.0)
     episode.period[world] = 0
     episode.held[world] = hold
     if hold != 0:

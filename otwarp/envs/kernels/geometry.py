@@ -1,11 +1,11 @@
-"""Where spheres, traps and obstacles are, for the terms of tasks."""
+"""What terms of tasks share: where spheres, traps and obstacles are, and how much power was spent."""
 
 import warp as wp
 
 from otwarp.envs.kernels.types import TaskNow
 from otwarp.kernels.contact.obstacles import FAR, SHAPES, distance_term, pose_between
 from otwarp.kernels.core.keyframes import find_key_from
-from otwarp.kernels.core.types import Pose
+from otwarp.kernels.core.types import Pose, world_row
 
 shape_distance = distance_term(tuple(SHAPES))
 
@@ -105,3 +105,10 @@ def trap_offset_of(now: TaskNow, trap: int) -> wp.vec3:
 def alignment_of(now: TaskNow, body: int, axis: wp.vec3, wanted: wp.vec3) -> float:
     """Cosine between an axis of a body's own frame and a wanted direction."""
     return wp.dot(wp.quat_rotate(body_turn(now, body), wp.normalize(axis)), wp.normalize(wanted))
+
+
+@wp.func
+def thrift_of(now: TaskNow, need: float) -> float:
+    """Mean power over the least that holds a robot in the stream, `need` mW for each µm/s of it."""
+    speed = now.place.flow_speed[world_row(now.place.flow_speed.shape[0], now.world)]
+    return now.episode.energy[now.world] / wp.max(now.time, now.place.period) / (need * speed)

@@ -145,6 +145,8 @@ def judge_kernels(
         else:
             period = period + 1
             episode.period[world] = period
+            for t in range(episode.power.shape[1]):
+                episode.energy[world] = episode.energy[world] + episode.power[world, t] * place.period
             now = TaskNow(world, period, float(period) * place.period, state, readout, place, episode)
             out.reward[world] = earn(now, numbers.earned, numbers.weight, out.earned)
             code = ended(now, numbers.ended)

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from otwarp.envs.kernels.geometry import body_place, gap_of, held_place, obstacle_pose, trap_offset_of
+from otwarp.envs.kernels.geometry import body_place, gap_of, held_place, obstacle_pose, thrift_of, trap_offset_of
 from otwarp.envs.kernels.types import TaskNow
 
 
@@ -80,6 +80,17 @@ def carried_off(now: TaskNow, cell: int, left: int, right: int) -> float:
     """Distance of a cell from the middle of the two that carry it."""
     middle = 0.5 * (body_place(now, left) + body_place(now, right))
     return wp.length(body_place(now, cell) - middle)
+
+
+def held_with_little(now: TaskNow, duration: float, need: float, most: float) -> bool:
+    """The robot has been held for `duration` seconds, by at most `most` times the least power in the mean."""
+    return now.time >= duration - 0.5 * now.place.period and thrift_of(now, need) <= most
+
+
+def thrift_now(now: TaskNow, duration: float, need: float, most: float) -> float:
+    """1 in the period in which that is so."""
+    met = now.time >= duration - 0.5 * now.place.period and thrift_of(now, need) <= most
+    return wp.where(met, 1.0, 0.0)
 
 
 def pressed(now: TaskNow, body: int, low: float, high: float) -> float:

@@ -123,6 +123,11 @@ def total_power(now: TaskNow) -> float:
     return total
 
 
+def mean_power(now: TaskNow) -> float:
+    """Sum of the powers of all traps, mean since the start of the episode."""
+    return now.episode.energy[now.world] / wp.max(now.time, now.place.period)
+
+
 def nearness(now: TaskNow, body: int, margin: float) -> float:
     """By how much of `margin` [µm] a body is nearer to an obstacle than that: 0 beyond, 1 in touch."""
     return wp.clamp(1.0 - gap_of(now, body) / margin, 0.0, 1.0)

@@ -16,6 +16,7 @@ class PlaceData:
     equilibrium: wp.array(dtype=wp.vec3)  # (T) of a trap, from its focus [µm]
     hand: wp.array(dtype=wp.int32)  # (T) hand that moves it, -1 none
     obstacles: ObstacleData
+    flow_speed: wp.array(dtype=wp.float32)  # (1|W) of the model [µm/s]
     period: wp.float32  # of control [s]
     time_limit: wp.float32  # after which an episode is cut off [s]
     speed_limit: wp.float32  # of a hand along each axis [µm/s]
@@ -30,6 +31,7 @@ class EpisodeData:
     goal: wp.array(dtype=wp.vec3)  # (W) [µm]
     focus: wp.array2d(dtype=wp.vec3)  # (W, T) where traps have been put [µm]
     power: wp.array2d(dtype=wp.float32)  # (W, T) [mW]
+    energy: wp.array(dtype=wp.float32)  # (W) of all traps since the start of the episode [mW·s]
     start: wp.array2d(dtype=wp.vec3)  # (W, B) reference points at the start [µm]
     before: wp.array2d(dtype=wp.vec3)  # (W, B) reference points at the end of the last period [µm]
     turned: wp.array2d(dtype=wp.quat)  # (W, B) orientations then, (W, 0) where nothing turns
