@@ -17,7 +17,7 @@ from otwarp.bench.report import Table
 from otwarp.bench.speed.many_body import FRACTION, ManySpheres
 from otwarp.bench.timing import Quartiles, calls_for, elapsed
 from otwarp.device import pick_device
-from otwarp.simulation.grid_stepper import GridStepper
+from otwarp.simulation.drivers.grid_stepper import GridStepper
 
 SIZES = {"cpu": (10_000, 100_000, 1_000_000), "cuda": (10_000, 100_000, 1_000_000, 10_000_000)}
 WARM = 60

@@ -29,7 +29,7 @@ def main(scene_file: str, device: str, folder: str) -> dict[str, float]:
     from otwarp.kernels.step import make_step
     from otwarp.record.recorder import Recorder
     from otwarp.scene import Scene
-    from otwarp.simulation.compilation import kernel_memory
+    from otwarp.simulation.drivers.compilation import kernel_memory
     from otwarp.simulation.frame import capture_frame
     from otwarp.simulation.model import Model
     from otwarp.simulation.simulation import Simulation

@@ -13,7 +13,7 @@ import pytest
 
 from otwarp.kernels.core.features import Features
 from otwarp.simulation import composition, model, resolved
-from otwarp.simulation.world_scratch import keeps_contacts, team_for
+from otwarp.simulation.drivers.world_scratch import keeps_contacts, team_for
 
 
 def take_gpu_forms(patch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 
 import warp as wp
 
-from otwarp.simulation.compilation import usable_cores
+from otwarp.simulation.drivers.compilation import usable_cores
 
 
 @dataclass(frozen=True)

@@ -3,14 +3,13 @@
 In: a `Scene`, how to step it (`options.StepOptions`), parameters and forces of the user (`user_forces`). Out: device
 arrays that change in place (`state`), frames (`frame`), checkpoints (`checkpoint`), plain data (`info`). Open
 `simulation` first, then `model`: `resolved`, `composition` and `body_space` decide what the kernels of a scene are made
-of, `compilation` loads them and says what a GPU keeps for them, `stepping` launches the fused drivers (on the memory of
-`world_scratch` where a thread owns a world), `grid_stepper` and `block_stepper` the grid driver on that of
-`grid_scratch`; `powers` refuses what is commanded beyond the step.
+of, `drivers` launches them; `powers` refuses what is commanded beyond the step.
 
 `episodes` are worlds that end and start anew: `ends` says what ends them, `stored_ends` keeps these in
 checkpoints, `starts` how they are reset. `capture` makes a graph of a user's loop, `sharded` shares worlds out to
 several devices.
 
+    drivers    who launches the kernels of a step, on which memory
     packing    a scene's description as the arrays that kernels read
     time_step  what limits the time step, and the step that follows
 """

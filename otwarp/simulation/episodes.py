@@ -11,9 +11,9 @@ import warp as wp
 from otwarp.errors import InputError
 from otwarp.kernels.core.precision import kernel_module
 from otwarp.kernels.drivers import predicates
-from otwarp.simulation.compilation import load_kernels
+from otwarp.simulation.drivers.compilation import load_kernels
+from otwarp.simulation.drivers.launches import RecordedLaunch
 from otwarp.simulation.ends import End
-from otwarp.simulation.launches import RecordedLaunch
 from otwarp.simulation.model import Model
 from otwarp.simulation.packing.arrays import device_array
 from otwarp.simulation.starts import Starts

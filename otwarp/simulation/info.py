@@ -12,8 +12,8 @@ import warp as wp
 from otwarp.kernels.core.precision import kernel_module
 from otwarp.kernels.terms import terms
 from otwarp.scene import Scene
-from otwarp.simulation.compilation import kernel_memory
-from otwarp.simulation.grid_scratch import allocate_grid, allocate_push
+from otwarp.simulation.drivers.compilation import kernel_memory
+from otwarp.simulation.drivers.grid_scratch import allocate_grid, allocate_push
 from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
 from otwarp.simulation.packing.bodies import mobilities

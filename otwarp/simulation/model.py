@@ -25,6 +25,7 @@ from otwarp.scene.plausibility import judge
 from otwarp.scene.plausibility.ranges import unusual_parameters
 from otwarp.simulation.body_space import body_space
 from otwarp.simulation.composition import check_settings, fits_a_block
+from otwarp.simulation.drivers.world_scratch import keeps_contacts, largest_launch, team_for
 from otwarp.simulation.options import StepOptions
 from otwarp.simulation.packing.arguments import whole
 from otwarp.simulation.packing.arrays import Place
@@ -45,7 +46,6 @@ from otwarp.simulation.time_step.observables import ExplicitStep
 from otwarp.simulation.time_step.relaxation import TrapRelaxation, mean_point_mobility
 from otwarp.simulation.time_step.softness import soft_contacts, takes_turns
 from otwarp.simulation.time_step.timescales import TimeScales, time_scales, warn_of_lost_motion
-from otwarp.simulation.world_scratch import keeps_contacts, largest_launch, team_for
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

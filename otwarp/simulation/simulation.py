@@ -15,12 +15,13 @@ from numpy.typing import ArrayLike
 from otwarp.errors import InputError
 from otwarp.kernels.core.precision import kernel_module
 from otwarp.scene import Scene
-from otwarp.simulation.block_stepper import BlockStepper
 from otwarp.simulation.capture import CapturedLoop
-from otwarp.simulation.compilation import load_kernels
+from otwarp.simulation.drivers.block_stepper import BlockStepper
+from otwarp.simulation.drivers.compilation import load_kernels
+from otwarp.simulation.drivers.grid_stepper import GridStepper
+from otwarp.simulation.drivers.stepping import FusedStepper, PhasedStepper, StepperParts
 from otwarp.simulation.ends import End, check_ends
 from otwarp.simulation.episodes import Episodes
-from otwarp.simulation.grid_stepper import GridStepper
 from otwarp.simulation.info import device_bytes
 from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
@@ -28,7 +29,6 @@ from otwarp.simulation.packing.arguments import numbers, seconds, whole
 from otwarp.simulation.packing.arrays import host_type
 from otwarp.simulation.starts import starts_of
 from otwarp.simulation.state import Control, Readout, State
-from otwarp.simulation.stepping import FusedStepper, PhasedStepper, StepperParts
 from otwarp.simulation.user_forces import Force, check_forces
 
 

@@ -9,7 +9,7 @@ import pytest
 import warp as wp
 
 from otwarp.cli.main import main
-from otwarp.simulation.compilation import resident_threads
+from otwarp.simulation.drivers.compilation import resident_threads
 
 SCENES = Path(__file__).parents[2] / "scenes"
 BEAD, CROWD = str(SCENES / "single_bead.usda"), str(SCENES / "ten_thousand_cells.usda")

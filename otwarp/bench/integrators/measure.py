@@ -38,7 +38,7 @@ from otwarp.bench.typed import check_least
 from otwarp.device import pick_device
 from otwarp.errors import InputError
 from otwarp.optics import Beam, Particle
-from otwarp.simulation.compilation import usable_cores
+from otwarp.simulation.drivers.compilation import usable_cores
 from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
 from otwarp.simulation.packing.capacity import check_worlds

@@ -17,11 +17,11 @@ import warp as wp
 
 from otwarp.kernels.step import make_step
 from otwarp.scene import Body, Material, Medium, Scene, Settings, Sphere
-from otwarp.simulation.grid_stepper import GridStepper
+from otwarp.simulation.drivers.grid_stepper import GridStepper
+from otwarp.simulation.drivers.stepping import StepperParts
 from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
 from otwarp.simulation.state import Control, Readout, State
-from otwarp.simulation.stepping import StepperParts
 from otwarp.units import BOLTZMANN
 from otwarp.warp_internals import alike, fields
 

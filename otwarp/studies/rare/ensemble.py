@@ -13,7 +13,7 @@ from otwarp.kernels.core.precision import kernel_module
 from otwarp.kernels.drivers.interfaces import ADVANCED, NO_NUMBER, RETURNED
 from otwarp.scene import Scene
 from otwarp.simulation.capture import CapturedLoop
-from otwarp.simulation.compilation import load_kernels
+from otwarp.simulation.drivers.compilation import load_kernels
 from otwarp.simulation.ends import escaped
 from otwarp.simulation.options import StepOptions
 from otwarp.simulation.packing.arrays import device_array

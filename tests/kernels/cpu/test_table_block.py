@@ -13,7 +13,7 @@ from otwarp import Simulation
 from otwarp.kernels.optics.trap_wrench import blocked_table
 from otwarp.kernels.step import make_step
 from otwarp.scene import Scene, Settings, Track, Trap
-from otwarp.simulation.stepping import FusedStepper, StepperParts
+from otwarp.simulation.drivers.stepping import FusedStepper, StepperParts
 from tests.simulation.setups import robot
 
 WORLDS = 11

@@ -14,7 +14,7 @@ from otwarp.kernels.drivers.lane_groups import GROUP
 from otwarp.kernels.step import make_step
 from otwarp.laws import TrapLaw
 from otwarp.scene import Body, Flow, Scene, Settings, Sphere, Track, Trap
-from otwarp.simulation.stepping import FusedStepper, StepperParts
+from otwarp.simulation.drivers.stepping import FusedStepper, StepperParts
 
 WORLDS = GROUP + 3
 """One full thread and one that is not."""

@@ -10,8 +10,8 @@ import pytest
 from otwarp.errors import SimulationError
 from otwarp.kernels.core.faults import Fault
 from otwarp.kernels.step import make_step
+from otwarp.simulation.drivers.stepping import FusedStepper, PhasedStepper, StepperParts
 from otwarp.simulation.simulation import Simulation
-from otwarp.simulation.stepping import FusedStepper, PhasedStepper, StepperParts
 from tests.simulation.test_determinism import touching_scene
 
 WORLDS = 6

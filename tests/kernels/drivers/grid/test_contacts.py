@@ -17,7 +17,7 @@ def test_unfinished_sweeps_stop_the_run(alone, monkeypatch, device):
     monkeypatch.setattr("otwarp.simulation.composition.GRID_WORLD_BODIES", alone)
     monkeypatch.setattr("otwarp.simulation.composition.MAX_WORLD_BODIES", 0)
     monkeypatch.setattr("otwarp.simulation.model.takes_turns", lambda *about: False)
-    monkeypatch.setattr("otwarp.simulation.grid_scratch.RELAXATIONS", 2)
+    monkeypatch.setattr("otwarp.simulation.drivers.grid_scratch.RELAXATIONS", 2)
     # compiled into the step of a block, which no other test has for so many beads
     monkeypatch.setattr("otwarp.kernels.drivers.grid.entry_sweeps.RELAXATIONS", 2)
     beads = tuple(neutral(f"B{i}", (-2.0 * i, 0, 50)) for i in range(9))

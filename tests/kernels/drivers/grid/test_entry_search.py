@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from otwarp.simulation.block_stepper import BlockStepper
+from otwarp.simulation.drivers.block_stepper import BlockStepper
 from otwarp.simulation.simulation import Simulation
 from tests.kernels.drivers.grid.test_entry_sweeps import ended
 from tests.simulation.setups import harmonic, neutral

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from otwarp.kernels.drivers.grid.entry_sweeps import WEIGHTS
-from otwarp.simulation.block_stepper import BlockStepper
-from otwarp.simulation.grid_stepper import GridStepper
+from otwarp.simulation.drivers.block_stepper import BlockStepper
+from otwarp.simulation.drivers.grid_stepper import GridStepper
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.crowds import crowd, jumbled
 from tests.simulation.setups import harmonic, neutral

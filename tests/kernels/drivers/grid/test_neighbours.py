@@ -10,9 +10,9 @@ import pytest
 from otwarp.kernels.cpu.pair_block import PAIRS
 from otwarp.kernels.drivers.grid.neighbours import FULL, NEIGHBOURS
 from otwarp.scene import Scene
-from otwarp.simulation.block_stepper import BlockStepper
-from otwarp.simulation.grid_scratch import choose_cells
-from otwarp.simulation.grid_stepper import GridStepper
+from otwarp.simulation.drivers.block_stepper import BlockStepper
+from otwarp.simulation.drivers.grid_scratch import choose_cells
+from otwarp.simulation.drivers.grid_stepper import GridStepper
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.crowds import crowd, jumbled, places
 from tests.simulation.setups import robot

@@ -9,8 +9,8 @@ import pytest
 import warp as wp
 
 from otwarp.kernels.step import make_step
-from otwarp.simulation.grid_stepper import GridStepper
-from otwarp.simulation.stepping import StepperParts
+from otwarp.simulation.drivers.grid_stepper import GridStepper
+from otwarp.simulation.drivers.stepping import StepperParts
 from tests.kernels.drivers.grid.test_soft import HOT, packed, soft_simulation
 
 

@@ -10,8 +10,8 @@ import warp as wp
 
 from otwarp.errors import SimulationError
 from otwarp.scene import Scene
-from otwarp.simulation.block_stepper import BlockStepper
-from otwarp.simulation.grid_stepper import GridStepper
+from otwarp.simulation.drivers.block_stepper import BlockStepper
+from otwarp.simulation.drivers.grid_stepper import GridStepper
 from otwarp.simulation.model import Model
 from otwarp.simulation.simulation import Simulation
 from tests.reference.contact import sphere_obstacle, sphere_pair

@@ -64,7 +64,7 @@ def test_the_third_law_holds_to_the_last_bit(grid):
 def test_unfinished_turns_stop_the_run(grid, monkeypatch):
     """As with sweeps: one round is not enough for a row that a trap drives at 200 µm/s."""
     monkeypatch.setattr("otwarp.simulation.model.takes_turns", lambda *about: True)
-    monkeypatch.setattr("otwarp.simulation.block_stepper.TURNS", 1)
+    monkeypatch.setattr("otwarp.simulation.drivers.block_stepper.TURNS", 1)
     beads = tuple(neutral(f"B{i}", (-2.0 * i, 0, 50)) for i in range(8))
     trap = harmonic("T", line((0.0, (-14.0, 0, 50)), (10.0, (1986.0, 0, 50))), cutoff=1.0)
     sim = Simulation(still(beads, 1e-3, (trap,)), device=grid, allow_large_step=True)

@@ -15,8 +15,8 @@ from otwarp.kernels.drivers.grid.data import GridData, PushData
 from otwarp.kernels.drivers.grid.teams import Lane
 from otwarp.kernels.drivers.grid.world import steps_term
 from otwarp.scene import Scene
-from otwarp.simulation.block_stepper import BlockStepper
-from otwarp.simulation.grid_stepper import GridStepper
+from otwarp.simulation.drivers.block_stepper import BlockStepper
+from otwarp.simulation.drivers.grid_stepper import GridStepper
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import robot
 from tests.simulation.test_determinism import crowd_scene

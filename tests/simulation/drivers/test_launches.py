@@ -7,7 +7,7 @@ import warp as wp
 
 import otwarp as ot
 from otwarp.kernels.drivers.episodes import flag_worlds
-from otwarp.simulation.launches import RecordedLaunch
+from otwarp.simulation.drivers.launches import RecordedLaunch
 from tests.simulation.test_episodes import lossy_scene, simulate
 
 

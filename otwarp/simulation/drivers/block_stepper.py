@@ -12,10 +12,10 @@ import warp as wp
 from otwarp.kernels.core.features import world_block, world_threads
 from otwarp.kernels.drivers.grid.soft import fill_slots
 from otwarp.kernels.drivers.grid.turns import TURNS
-from otwarp.simulation.compilation import load_kernels, usable_cores
-from otwarp.simulation.grid_scratch import allocate_grid, allocate_push
-from otwarp.simulation.launches import RecordedLaunch
-from otwarp.simulation.stepping import StepperParts
+from otwarp.simulation.drivers.compilation import load_kernels, usable_cores
+from otwarp.simulation.drivers.grid_scratch import allocate_grid, allocate_push
+from otwarp.simulation.drivers.launches import RecordedLaunch
+from otwarp.simulation.drivers.stepping import StepperParts
 
 BODY_STEPS_PER_LAUNCH = 2_000_000
 """Body-steps in one launch of a thread of a CPU, so that an interrupt from the keyboard is answered in reasonable

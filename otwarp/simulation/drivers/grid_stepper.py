@@ -12,9 +12,9 @@ from otwarp.kernels.drivers.grid.slot_lists import sort_by_cell
 from otwarp.kernels.drivers.grid.soft import fill_slots, load_slots, store_slots
 from otwarp.kernels.drivers.grid.step import start_clock, tick
 from otwarp.kernels.drivers.grid.turns import TURNS
-from otwarp.simulation.compilation import load_kernels
-from otwarp.simulation.grid_scratch import allocate_grid, allocate_push
-from otwarp.simulation.stepping import StepperParts
+from otwarp.simulation.drivers.compilation import load_kernels
+from otwarp.simulation.drivers.grid_scratch import allocate_grid, allocate_push
+from otwarp.simulation.drivers.stepping import StepperParts
 
 BODY_STEPS_PER_LAUNCH = 2_000_000
 """Body-steps in one launch on the CPU, so that an interrupt from the keyboard is answered in reasonable time."""

@@ -11,11 +11,11 @@ import pytest
 import warp as wp
 
 from otwarp.scene import Scene
-from otwarp.simulation import stepping
-from otwarp.simulation.compilation import is_compiled, load_kernels
+from otwarp.simulation.drivers import stepping
+from otwarp.simulation.drivers.compilation import is_compiled, load_kernels
 from otwarp.simulation.simulation import Simulation
 
-SCENES = Path(__file__).parents[2] / "scenes"
+SCENES = Path(__file__).parents[3] / "scenes"
 
 
 def tiny_kernels() -> tuple[Any, Any]:

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import warp as wp
 
 from otwarp.kernels.core.features import Features
+from otwarp.simulation.drivers.world_scratch import allocate_world, keeps_contacts, spread_of, team_for
 from otwarp.simulation.packing.arrays import Place
-from otwarp.simulation.world_scratch import allocate_world, keeps_contacts, spread_of, team_for
 
 GPU = SimpleNamespace(is_cuda=True, sm_count=132)
 

@@ -14,11 +14,11 @@ import warp as wp
 from otwarp.kernels.drivers.lane_groups import threads_for
 from otwarp.kernels.drivers.world_phases import tick
 from otwarp.kernels.step import Step
-from otwarp.simulation.compilation import load_kernels, usable_cores
-from otwarp.simulation.launches import RecordedLaunch
+from otwarp.simulation.drivers.compilation import load_kernels, usable_cores
+from otwarp.simulation.drivers.launches import RecordedLaunch
+from otwarp.simulation.drivers.world_scratch import allocate_world, spread_of
 from otwarp.simulation.model import Model
 from otwarp.simulation.state import Control, Readout, State
-from otwarp.simulation.world_scratch import allocate_world, spread_of
 
 STEPS_PER_LAUNCH = 20_000
 """Longest fused launch, so that an interrupt from the keyboard is answered in reasonable time."""
