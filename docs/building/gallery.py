@@ -33,8 +33,8 @@ ROW = re.compile(r"^\| \[(\w+)\]\(((?:notebooks/)?\w+\.py)\) \| (.*) \|$", re.MU
 HEAD = """# Gallery
 
 What the [examples](../examples/README.md) draw, each of them one idea on one screen, and what
-[notebooks](../examples/README.md#notebooks) find. A title leads to the code. `python -m examples.first_run` runs one;
-`python -m docs.building.gallery` runs all and draws this page anew.
+[notebooks](../examples/README.md#notebooks) find. A title leads to the code, or to the notebook as it ran.
+`python -m examples.first_run` runs one; `python -m docs.building.gallery` runs all and draws this page anew.
 """
 
 
@@ -48,8 +48,9 @@ def page() -> str:
     """The Markdown of the gallery."""
 
     def section(name: str, file: Path, seen: str) -> str:
-        code, said = file.relative_to(ROOT).as_posix(), f"{seen[0].upper()}{seen[1:]}."
-        return f"\n## [{name}](../{code})\n\n{said}\n\n![{seen}](images/gallery/{name}.png)\n"
+        code, said = f"../{file.relative_to(ROOT).as_posix()}", f"{seen[0].upper()}{seen[1:]}."
+        to = code if file.parent == EXAMPLES else f"notebooks/{name}.md"
+        return f"\n## [{name}]({to})\n\n{said}\n\n![{seen}](images/gallery/{name}.png)\n"
 
     return HEAD + "".join(section(name, file, seen) for name, (file, seen) in rows().items())
 

@@ -24,8 +24,11 @@ PAGES = (
     "repository/index.html",
     "reference/commands/run.html",
     "reference/python/otwarp.html",
+    "notebooks/trap_calibration.html",
+    *(f"tutorials/{page.stem}.html" for page in sorted((ROOT / "docs" / "tutorials").glob("*.md"))),
+    "start.html",
 )
-"""One of each kind."""
+"""One of each kind, and all tutorials."""
 SERIOUS = ("serious", "critical")
 FETCHED = re.compile(
     r"""<(?:script|link|img|iframe)[^>]+?(?:src|href)=["']?(?:https?:)?//[^"'>]*|@import[^;]*//[^;]*;"""
