@@ -23,18 +23,22 @@ WARM_UP, PERIODS = 2, 3
 """Periods before those that are timed, and of a round."""
 
 
-def costs(name: str, device: Any, rounds: int, size: int, binning: int) -> dict[str, Any]:
-    """Time of a period and of the image after it [s], of one world under constant actions."""
+MANY = 16
+"""Environments whose images are taken at once, beside one."""
+
+
+def costs(name: str, device: Any, rounds: int, size: int, binning: int, worlds: int = 1) -> dict[str, Any]:
+    """Time of a period and of the image after it [s], each of so many worlds under constant actions."""
     task = task_of(name, observation="image", image_size=(size, size), image_binning=binning)
-    batch = Batch(task, 1, device=device, autoreset="off")
+    batch = Batch(task, worlds, device=device, autoreset="off")
     images = Images(batch)
-    batch.restart(seeds=np.zeros(1, dtype=int))
+    batch.restart(seeds=np.arange(worlds))
     batch.actions.assign(np.full(batch.actions.shape, 0.1, dtype=np.float32))
     found: dict[str, list[float]] = {"step": [], "image": []}
     for n in range(WARM_UP + rounds * PERIODS):
         times = {"step": elapsed(batch.step, device).wall, "image": elapsed(partial(images.record), device).wall}
         for what, seconds in times.items():
-            found[what] += [seconds] if n >= WARM_UP else []
+            found[what] += [seconds / worlds] if n >= WARM_UP else []
     field = size * binning * images.camera.pixel_size
     return {"field": field, **{what: Quartiles.of(seconds) for what, seconds in found.items()}}
 
@@ -48,13 +52,23 @@ def measure(device: str = "cpu", *, rounds: int = 5) -> Section:
         for size, binning in SIZES:
             found = costs(name, place, rounds, size, binning)
             milliseconds = [found[what].times(1e3).text(".3g") for what in ("image", "step")]
-            rows.append((f"`{name}`", f"{size} × {size}", str(binning), f"{found['field']:.3g}", *milliseconds))
+            many = costs(name, place, 1, size, binning, MANY)["image"].times(1e3).text(".3g") if binning == 2 else "–"
+            rows.append((f"`{name}`", f"{size} × {size}", str(binning), f"{found['field']:.3g}", *milliseconds, many))
             data[f"{name} {size} {binning}"] = {**found, **{w: vars(found[w]) for w in ("image", "step")}}
     table = Table(
         title="An image and the step before it",
-        head=("task", "pixels", "binning", "side [µm]", "image [ms]", "step without [ms]"),
+        head=(
+            "task",
+            "pixels",
+            "binning",
+            "side [µm]",
+            "image [ms]",
+            "step without [ms]",
+            f"image of {MANY} at once, each [ms]",
+        ),
         rows=rows,
-        note="Of one environment; images of many are computed one after the other. Median and quartiles.",
+        note="Of one environment, and of several: a GPU computes their images together, a CPU one after the other. "
+        "Median and quartiles.",
     )
     return Section(name="envs_images", kind=kind, machine=Machine.look(place), tables=[table], data=data)
 

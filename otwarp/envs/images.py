@@ -13,6 +13,8 @@ from otwarp.errors import InputError
 from otwarp.scene import Camera, Scene
 from otwarp.scene.transforms import conjugate, rotate
 
+TOGETHER = 256
+"""Most worlds whose images are computed at once, for which there must be memory."""
 CONTRAST = 1e-6
 """Least difference of refractive indices that counts as one."""
 
@@ -43,7 +45,7 @@ class Images:
         self.levels = np.zeros((batch.worlds, height, width, 1), dtype=np.uint8)
 
     def record(self, chosen: np.ndarray | None = None) -> None:
-        """Take images of worlds as they are.
+        """Take images of worlds as they are; a GPU takes those of `TOGETHER` at once.
 
         Args:
             chosen: (W) bool; None for all.
@@ -51,31 +53,37 @@ class Images:
         batch = self.batch
         position, orientation = batch.sim.prim_poses()
         trial, period = batch.episode.number.numpy(), batch.episode.period.numpy()
-        for n in range(batch.worlds) if chosen is None else np.flatnonzero(chosen):
-            number = (int(trial[n]) << 32) + int(period[n])
-            self.levels[n, :, :, 0] = self._image(position[n], orientation[n], number)
+        wanted = np.arange(batch.worlds) if chosen is None else np.flatnonzero(chosen)
+        for first in range(0, len(wanted), TOGETHER):
+            some = wanted[first : first + TOGETHER]
+            regions = [self._region(place) for place in position[some, self.body]]
+            numbers = [(int(trial[n]) << 32) + int(period[n]) for n in some]
+            grey = self._photographer.worlds(position[some], orientation[some], regions, numbers)
+            self.levels[some, :, :, 0] = self._binned(grey)
 
     def observed(self, state: np.ndarray) -> Any:
         """What worlds show: (W, height, width, 1) images, or these beside the (W, O) state."""
         levels = self.levels.copy()
         return levels if self.batch.task.observation == "image" else {"image": levels, "state": state}
 
-    def _image(self, position: np.ndarray, orientation: np.ndarray, number: int) -> np.ndarray:
-        """(height, width) uint8 of bodies at (B, 3) and (B, 4), row 0 the highest."""
+    def _region(self, body: np.ndarray) -> Any:
+        """The `Region` that is observed while the body that is followed is at (3) [µm]."""
         from otwarp.perception.camera import Region
 
         task, camera, frame = self.batch.task, self.camera, self._photographer.size
         width, height = (task.image_binning * side for side in task.image_size)
         middle = np.zeros(2)
         if task.image_follows:
-            place = rotate(conjugate(np.array(camera.orientation)), position[self.body])
+            place = rotate(conjugate(np.array(camera.orientation)), body)
             middle = place[:2] - np.array(camera.center)
         column, row = (round(x / camera.pixel_size) + side // 2 for x, side in zip(middle, frame, strict=True))
-        region = Region(column - width // 2, row - height // 2, width, height)
-        (piece,) = self._photographer.pieces(position[None], orientation[None], [region], number)
-        n = task.image_binning
-        binned = piece.levels.reshape(height // n, n, width // n, n).mean(axis=(1, 3))
-        return np.rint(binned[::-1]).astype(np.uint8)
+        return Region(column - width // 2, row - height // 2, width, height)
+
+    def _binned(self, grey: np.ndarray) -> np.ndarray:
+        """(n, height, width) uint8 of the camera's (n, rows, columns), row 0 the highest."""
+        k, (count, height, width) = self.batch.task.image_binning, grey.shape
+        mean = grey.reshape(count, height // k, k, width // k, k).mean(axis=(2, 4))
+        return np.rint(mean[:, ::-1]).astype(np.uint8)
 
 
 def images_of(batch: Batch) -> Images | None:

@@ -49,6 +49,7 @@ class ChainBatch:
         energy: Out: (W, H) float64, as `ServoFrame.energy` [J].
         phase: Out: (W, H) int32, index into `otwarp.haptics.core.STATES`.
         holds: Out: (W, H) int32, whether the hand has hold of its traps.
+        motion: In and out: (W·H) `MotionState`, how far hands have carried their traps [µm].
         cause: Out: (W, H) int32, index into `kernels.chain_data.CAUSES`: why it has disarmed by itself.
 
     Raises:
@@ -175,7 +176,7 @@ class ChainBatch:
         window.age = zeros((n if length else 0, length), wp.float64, device)
         data.window = window
         data.state = zeros((n,), twin.ChainState, device)
-        data.motion = zeros((n,), twin.MotionState, device)
+        self.motion = data.motion = zeros((n,), twin.MotionState, device)
         data.velocity = zeros((n,), twin.VelocityState, device)
         data.model = zeros((n,), twin.ModelState, device)
         data.passivity = zeros((n,), twin.PassivityState, device)

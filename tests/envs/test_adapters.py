@@ -14,17 +14,17 @@ SHORT = 0.5
 """After which an episode is cut off [s]: in the tenth period."""
 
 
-def envs(arrays, mode="SameStep"):
+def envs(arrays, device, mode="SameStep"):
     return VectorEnv(
-        task_of("otwarp/Navigate-v0", time_limit=SHORT), 3, device="cpu", arrays=arrays, autoreset_mode=mode
+        task_of("otwarp/Navigate-v0", time_limit=SHORT), 3, device=device, arrays=arrays, autoreset_mode=mode
     )
 
 
-def test_sb3():
+def test_sb3(device):
     pytest.importorskip("stable_baselines3", reason="pip install 'otwarp[learning]'")
     from otwarp.envs.adapters.sb3 import SB3VecEnv
 
-    vec = SB3VecEnv(envs("numpy"))
+    vec = SB3VecEnv(envs("numpy", device))
     vec.seed(4)
     first = vec.reset()
     still = np.zeros((3, 2), dtype=np.float32)
@@ -41,37 +41,37 @@ def test_sb3():
     np.testing.assert_array_equal(vec.reset(), first)
     assert vec.get_attr("num_envs") == [3, 3, 3] and vec.env_is_wrapped(object) == [False] * 3
     with pytest.raises(InputError, match="allowed"):
-        SB3VecEnv(envs("numpy", "NextStep"))
+        SB3VecEnv(envs("numpy", device, "NextStep"))
 
 
-def test_skrl():
+def test_skrl(device):
     torch = pytest.importorskip("torch")
     pytest.importorskip("skrl", reason="pip install 'otwarp[learning]'")
     from otwarp.envs.adapters.skrl import SkrlEnv
 
-    env = SkrlEnv(envs("torch"), seed=4)
+    env = SkrlEnv(envs("torch", device), seed=4)
     first, _ = env.reset()
     kept = first.clone()
     for n in range(10):
-        seen, reward, terminated, truncated, _ = env.step(torch.zeros(3, 2))
+        seen, reward, terminated, truncated, _ = env.step(torch.zeros(3, 2, device=device))
         assert reward.shape == terminated.shape == (3, 1) and bool(truncated.all()) == (n == 9)
     assert torch.equal(first, kept), "what was given out stays as it was"
-    assert torch.equal(env.reset()[0], seen) and env.num_envs == 3 and env.device.type == "cpu"
+    assert torch.equal(env.reset()[0], seen) and env.num_envs == 3 and str(env.device) == device
     with pytest.raises(InputError, match="allowed"):
-        SkrlEnv(envs("numpy"))
+        SkrlEnv(envs("numpy", device))
 
 
-def test_rsl_rl():
+def test_rsl_rl(device):
     torch = pytest.importorskip("torch")
     pytest.importorskip("rsl_rl", reason="pip install 'otwarp[learning]'")
     from otwarp.envs.adapters.rsl_rl import RslRlVecEnv
 
-    env = RslRlVecEnv(envs("torch"), seed=4)
+    env = RslRlVecEnv(envs("torch", device), seed=4)
     assert env.max_episode_length == 10 and env.num_actions == 2
     for n in range(10):
-        seen, reward, over, extras = env.step(torch.zeros(3, 2))
+        seen, reward, over, extras = env.step(torch.zeros(3, 2, device=device))
         assert reward.shape == (3,) and bool(over.all()) == (n == 9) == bool(extras["time_outs"].all())
     assert float(extras["log"]["/success"]) == 0.0 and not env.episode_length_buf.any()
     assert torch.equal(seen["policy"], env.get_observations()["policy"])
     with pytest.raises(InputError, match="allowed"):
-        RslRlVecEnv(envs("numpy"))
+        RslRlVecEnv(envs("numpy", device))

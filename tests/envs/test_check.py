@@ -17,12 +17,12 @@ TASK = dataclasses.replace(bead_task(), time_limit=2.0, goal=(-8.0, 0.0, 5.0))
 """Short episodes, some of which reach the goal."""
 
 
-def navigate(num_envs, mode, kind=VectorEnv):
-    return kind(TASK, num_envs, device="cpu", autoreset_mode=mode)
+def navigate(num_envs, mode, device, kind=VectorEnv):
+    return kind(TASK, num_envs, device=device, autoreset_mode=mode)
 
 
-def test_our_environments_are_what_the_interface_promises():
-    assert len(check_vector(navigate)) == 8
+def test_our_environments_are_what_the_interface_promises(device):
+    assert len(check_vector(functools.partial(navigate, device=device))) == 8
 
 
 class Leaky(VectorEnv):
@@ -42,6 +42,6 @@ class Lasting(VectorEnv):
 
 
 @pytest.mark.parametrize(("kind", "said"), [(Leaky, "is not that of one"), (Lasting, "has a reward")])
-def test_what_is_wrong_is_told(kind, said):
+def test_what_is_wrong_is_told(kind, said, device):
     with pytest.raises(AssertionError, match=said):
-        check_vector(functools.partial(navigate, kind=kind))
+        check_vector(functools.partial(navigate, device=device, kind=kind))

@@ -24,22 +24,22 @@ SMALL = dataclasses.replace(bead_task(), observation="image", image_size=(16, 12
 
 
 @pytest.mark.parametrize("kind", ["image", "both"])
-def test_gymnasium_has_nothing_to_say_about_images(kind):
-    env = gymnasium.make(PUSH, observation=kind, image_size=(24, 16), image_binning=1).unwrapped
+def test_gymnasium_has_nothing_to_say_about_images(kind, device):
+    env = gymnasium.make(PUSH, observation=kind, image_size=(24, 16), image_binning=1, device=device).unwrapped
     check_env(env, skip_render_check=True)
     image = env.observation_space if kind == "image" else env.observation_space["image"]
     assert image.shape == (16, 24, 1) and image.dtype == np.uint8
 
 
-def test_many_with_images_are_as_each_alone_in_all_modes():
-    checks = check_vector(lambda n, mode: VectorEnv(SMALL, n, device="cpu", autoreset_mode=mode), steps=9)
+def test_many_with_images_are_as_each_alone_in_all_modes(device):
+    checks = check_vector(lambda n, mode: VectorEnv(SMALL, n, device=device, autoreset_mode=mode), steps=9)
     assert len(checks) > 5
 
 
-def test_states_beside_images_are_those_without_and_final_ones_come_before_the_start():
+def test_states_beside_images_are_those_without_and_final_ones_come_before_the_start(device):
     both = dataclasses.replace(SMALL, observation="both")
-    with_images = VectorEnv(both, 2, device="cpu", autoreset_mode="SameStep")
-    without = VectorEnv(dataclasses.replace(SMALL, observation="state"), 2, device="cpu", autoreset_mode="SameStep")
+    with_images = VectorEnv(both, 2, device=device, autoreset_mode="SameStep")
+    without = VectorEnv(dataclasses.replace(SMALL, observation="state"), 2, device=device, autoreset_mode="SameStep")
     seen, state = with_images.reset(seed=3)[0], without.reset(seed=3)[0]
     action = np.full((2, 2), 0.8, dtype=np.float32)
     for _ in range(9):
@@ -62,12 +62,12 @@ def middle(image, width):
 
 
 @pytest.mark.parametrize("follows", [True, False])
-def test_bodies_are_where_they_are_in_the_image(follows):
+def test_bodies_are_where_they_are_in_the_image(follows, device):
     width, binning = 64, 2
     task = dataclasses.replace(
         bead_task(), observation="image", image_size=(width, width), image_binning=binning, image_follows=follows
     )
-    env = Env(task)
+    env = Env(task, device=device)
     env.reset(seed=5)
     for _ in range(3):
         image = env.step(np.float32([0.9, -0.4]))[0]

@@ -15,12 +15,12 @@ from otwarp.errors import InputError
 NAME = "otwarp/CellDeliveryOTGym-v0"
 
 
-def many(count, **options):
-    return gymnasium.make_vec(NAME, num_envs=count, vectorization_mode="vector_entry_point", device="cpu", **options)
+def many(count, device, **options):
+    return gymnasium.make_vec(NAME, num_envs=count, vectorization_mode="vector_entry_point", device=device, **options)
 
 
-def test_one_environment_is_one_of_many():
-    one, envs = gymnasium.make(NAME), many(3, autoreset_mode="SameStep")
+def test_one_environment_is_one_of_many(device):
+    one, envs = gymnasium.make(NAME, device=device), many(3, device, autoreset_mode="SameStep")
     assert one.action_space.n == 10 and one.observation_space.shape == (5,)
     seen, _ = envs.reset(seed=7)
     alone, _ = one.reset(seed=8)
@@ -34,8 +34,8 @@ def test_one_environment_is_one_of_many():
 
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
-def test_an_episode_that_ends_starts_at_the_beginning_of_the_path(mode):
-    envs = many(2, autoreset_mode=mode)
+def test_an_episode_that_ends_starts_at_the_beginning_of_the_path(mode, device):
+    envs = many(2, device, autoreset_mode=mode)
     envs.reset(seed=1)
     for _ in range(80):
         seen, _, terminated, _, info = envs.step(np.array([9, 0]))
@@ -51,8 +51,8 @@ def test_an_episode_that_ends_starts_at_the_beginning_of_the_path(mode):
 
 
 @pytest.mark.parametrize("actions", [np.array([1, 10]), np.array([1.0, 2.0]), np.array([1]), np.array([-1, 0])])
-def test_what_is_no_stride_is_refused(actions):
-    envs = many(2)
+def test_what_is_no_stride_is_refused(actions, device):
+    envs = many(2, device)
     envs.reset(seed=1)
     with pytest.raises(InputError, match="allowed"):
         envs.step(actions)

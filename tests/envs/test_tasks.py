@@ -23,9 +23,9 @@ COUNT = 24
 which never succeed in 256 episodes (docs/benchmarks/envs_learning.md), in no more than one."""
 
 
-def play(name, policy=None, count=COUNT):
+def play(name, device, policy=None, count=COUNT):
     task = task_of(name)
-    return run_policy(task, policy or task.expert(), episodes=count, seed=5, device="cpu")
+    return run_policy(task, policy or task.expert(), episodes=count, seed=5, device=device)
 
 
 def ended(name, found, end):
@@ -34,34 +34,34 @@ def ended(name, found, end):
 
 
 @pytest.mark.parametrize("name", [n for n in TASKS if "CellDelivery" not in n])
-def test_the_script_of_a_task_solves_it(name):
-    found = play(name)
+def test_the_script_of_a_task_solves_it(name, device):
+    found = play(name, device)
     assert found.success.sum() >= 20
 
 
-def test_unequal_powers_choose_the_end_that_rises():
+def test_unequal_powers_choose_the_end_that_rises(device):
     task = task_of("otwarp/Orient-v0", strategy="B")
-    found = run_policy(task, task.expert(), episodes=COUNT, seed=5, device="cpu")
+    found = run_policy(task, task.expert(), episodes=COUNT, seed=5, device=device)
     assert found.success.sum() >= 20
     # in the other trap the weaker power turns the robot the wrong way: 60 of 256 episodes succeed, most of them those
     # in which hardly any rise is wanted; 17 of 24 would at a rate of a quarter in 3·10⁻⁶ of tries
-    wrong = run_policy(task, TiltServo(share=-0.7), episodes=COUNT, seed=5, device="cpu")
+    wrong = run_policy(task, TiltServo(share=-0.7), episodes=COUNT, seed=5, device=device)
     assert wrong.success.sum() <= 16
     with pytest.raises(InputError, match="strategy of otwarp/Orient-v0 is 'C'; allowed: A, B"):
         task_of("otwarp/Orient-v0", strategy="C")
 
 
 @pytest.mark.parametrize("name", ["otwarp/Navigate-v0", "otwarp/Push-v0"])
-def test_random_actions_fail(name):
-    assert play(name, RandomPolicy(2)).success.sum() <= 1
+def test_random_actions_fail(name, device):
+    assert play(name, device, RandomPolicy(2)).success.sum() <= 1
 
 
-def test_who_goes_straight_collides_and_who_hurries_loses_the_robot():
+def test_who_goes_straight_collides_and_who_hurries_loses_the_robot(device):
     name = "otwarp/Navigate-v0"
-    assert ended(name, play(name, StraightLine()), "collided") >= 20
-    assert ended(name, play(name, StraightLine(speed=60.0)), "lost") >= 12
-    careful = play(name, ShortestPath(speed=25.0), 8)
-    assert careful.periods.mean() > play(name, ShortestPath(speed=50.0), 8).periods.mean()
+    assert ended(name, play(name, device, StraightLine()), "collided") >= 20
+    assert ended(name, play(name, device, StraightLine(speed=60.0)), "lost") >= 12
+    careful = play(name, device, ShortestPath(speed=25.0), 8)
+    assert careful.periods.mean() > play(name, device, ShortestPath(speed=50.0), 8).periods.mean()
 
 
 def test_of_what_holds_only_little_power_succeeds(device):
@@ -84,13 +84,13 @@ def test_of_what_holds_only_little_power_succeeds(device):
     assert wasted.success.sum() < 17
 
 
-def test_deliveries():
-    assert play("otwarp/CellDelivery-v0", Carrier(), 4).success.all()
-    careless = play("otwarp/CellDelivery-v0", Carrier(speed=30.0), 4)
+def test_deliveries(device):
+    assert play("otwarp/CellDelivery-v0", device, Carrier(), 4).success.all()
+    careless = play("otwarp/CellDelivery-v0", device, Carrier(speed=30.0), 4)
     assert not careless.success.any() and np.all(careless.earned < 10.0)
-    assert play("otwarp/CellDeliveryOTGym-v0", Strider(6), 4).success.all()
-    assert not play("otwarp/CellDeliveryOTGym-v0", Strider(9), 4).success.any()
-    assert not play("otwarp/CellDeliveryOTGym-v0", Strider(None), 4).success.all()
+    assert play("otwarp/CellDeliveryOTGym-v0", device, Strider(6), 4).success.all()
+    assert not play("otwarp/CellDeliveryOTGym-v0", device, Strider(9), 4).success.any()
+    assert not play("otwarp/CellDeliveryOTGym-v0", device, Strider(None), 4).success.all()
 
 
 def test_tasks_say_what_they_are():
@@ -102,7 +102,7 @@ def test_tasks_say_what_they_are():
         task_of("otwarp/Pull-v0")
 
 
-def test_an_operator_acts_late_and_a_policy_shares_with_him():
+def test_an_operator_acts_late_and_a_policy_shares_with_him(device):
     name, n = "otwarp/Push-v0", 16
     traits = {"delay": np.full(n, 0.2), "interval": np.full(n, 0.3), "noise": np.full(n, 0.05)}
     seen, calls = {}, []
@@ -116,6 +116,6 @@ def test_an_operator_acts_late_and_a_policy_shares_with_him():
     # he knows period 1 in period 5, 0.2 s later, and decides anew in period 11
     assert acted == [0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 7, 7]
     expert = task_of(name).expert
-    alone = play(name, Operator(expert(), 20.0, **traits), n).success.sum()
-    helped = play(name, Shared(expert(), Operator(expert(), 20.0, **traits), 0.75), n).success.sum()
+    alone = play(name, device, Operator(expert(), 20.0, **traits), n).success.sum()
+    helped = play(name, device, Shared(expert(), Operator(expert(), 20.0, **traits), 0.75), n).success.sum()
     assert alone <= helped >= 14

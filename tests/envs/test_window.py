@@ -28,8 +28,8 @@ def eventually(true) -> bool:
     return False
 
 
-def test_the_page_shows_every_step_changes_nothing_and_ends(capsys):
-    env, unseen = Env(TASK, render_mode="human"), Env(TASK)
+def test_the_page_shows_every_step_changes_nothing_and_ends(capsys, device):
+    env, unseen = Env(TASK, device=device, render_mode="human"), Env(TASK, device=device)
     try:
         page = env.window.page
         assert env.window.url in capsys.readouterr().err

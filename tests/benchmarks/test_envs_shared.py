@@ -1,0 +1,59 @@
+"""Shared control with full SIMULATED operators: who has all authority is alone, and the chain knows where traps are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("gymnasium")
+
+from benchmarks.envs_shared import SPEED_LIMIT, SharedLoop, row, study
+from otwarp.operators.loop import Loop
+
+ASKED = study(2, "with")
+
+
+def loops(authority, device):
+    """The same operators with a policy, which wants both hands to go along x at 3 µm/s, and alone."""
+    people, how = ASKED.persons(np.arange(2)), {"seed": 1, "device": device}
+
+    def policy(seen, fresh):
+        assert set(seen) == {"body_position.x", "body_position.y", "time_left"}
+        return np.tile([3.0, 0.0, 3.0, 0.0], (len(fresh), 1)) / SPEED_LIMIT
+
+    return SharedLoop(ASKED.task, people, policy, authority, **how), Loop(ASKED.task, people, **how)
+
+
+def foci(loop):
+    return loop.sim.control.trap_position.numpy()
+
+
+def test_an_operator_without_help_is_as_alone(device):
+    shared, alone = loops(0.0, device)
+    for n in range(8):
+        shared.decide(first=n == 0)
+        for loop in (shared, alone):
+            loop.run(0.05)
+    assert np.array_equal(foci(shared), foci(alone))
+    assert np.array_equal(shared.sim.state.position.numpy(), alone.sim.state.position.numpy())
+
+
+def test_shares_add_up_and_hands_feel_the_traps_where_they_are(device):
+    start = np.array([trap.position.at(0.0) for trap in ASKED.task.scene.traps])
+    way = {}
+    for authority in (0.5, 1.0):
+        loop, _ = loops(authority, device)
+        loop.decide(first=True)
+        loop.run(0.2)
+        way[authority] = foci(loop) - start
+        # what a chain has carried is where its traps are
+        carried = loop.chain.motion.numpy()["commanded"].reshape(2, -1, 3)
+        hands = loop.people.task.hand_of.numpy()
+        assert np.allclose(way[authority], carried[:, hands], atol=1e-4)
+    assert np.allclose(way[1.0], [0.6, 0.0, 0.0], atol=2e-3)
+    assert np.all(np.abs(way[0.5][..., 0] - 0.3) < 0.25)
+
+
+def test_a_row_counts_outcomes():
+    wanted = "| 0.25 | with | 0.500 [0.013, 0.987] | 0.354 | cell left behind 1 |"
+    assert row("with", 0.25, np.array([1, 3], dtype=np.int32)) == wanted
