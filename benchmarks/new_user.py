@@ -1,7 +1,8 @@
 """A new user's way, command by command: from nothing to a first picture, and on to a scene of his own.
 
-Everything is fresh: a clone in a temporary folder, an environment without packages, empty caches of kernels and tables.
-Packages come from wherever pip gets them, whose pace is part of what is measured. `--write` puts it on docs/install.md.
+Everything is fresh: a clone in a temporary folder, an environment without packages, empty caches of kernels and tables,
+and none of pip. Packages come from wherever pip gets them, whose pace is part of what is measured. `--write` puts it on
+docs/install.md.
 """
 
 from __future__ import annotations
@@ -88,6 +89,7 @@ def _type(folder: Path, lines: list[str]) -> list[tuple[float, float]]:
     known = ("PYTHONPATH", "VIRTUAL_ENV", "WARP_CACHE_PATH", "OTWARP_CACHE")
     environment = {name: value for name, value in os.environ.items() if name not in known}
     environment |= {"WARP_CACHE_PATH": str(folder / "kernels"), "OTWARP_CACHE": str(folder / "tables")}
+    environment |= {"PIP_NO_CACHE_DIR": "1"}
     script = ["set -e", *(f'{line}\necho "{MARK} $(date +%s.%N)"; times' for line in lines)]
     begun = time.time()
     done = subprocess.run(
