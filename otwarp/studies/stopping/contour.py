@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.studies.stopping.intervals import METHODS, interval
+from otwarp.studies.stopping.intervals import interval
 from otwarp.studies.stopping.looks import doubling, level_at, looks_for
 from otwarp.studies.stopping.rules import GROWTH, Stop
 
@@ -40,7 +40,7 @@ class Contour(Stop):
 
     levels: tuple[float, ...]
     looks: tuple[int, ...] = field(init=False, default=())
-    methods: ClassVar[tuple[str, ...]] = (LOOKS, *METHODS)
+    methods: ClassVar[tuple[str, ...]] = (LOOKS, "sequence")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -125,7 +125,7 @@ def contour(
     *levels: float,
     half_width: float = 0.02,
     level: float = 0.95,
-    method: Literal["looks", "clopper-pearson", "sequence"] = "looks",
+    method: Literal["looks", "sequence"] = "looks",
     at_least: int = 16,
     at_most: int = 16_384,
     of: str = "",
@@ -133,15 +133,14 @@ def contour(
 ) -> Contour:
     """Trials where the contours P = `levels` may be, until intervals there reach `half_width` to either side.
 
-    A point that is surely above or below stops at once. It is looked at until then, so that intervals of Clopper and
-    Pearson would miss more often than they say: those of a few looks share what they may miss.
+    A point that is surely above or below stops at its next look. As it is looked at until then, intervals of Clopper
+    and Pearson would miss more often than they say and are refused: those of a few looks share what they may miss.
 
     Args:
         levels: Probabilities, above 0 and below 1.
         half_width: Half the length of an interval that is narrow enough, above 0 and below 0.5.
         level: Of the intervals, such as 0.95.
-        method: How they are computed: `looks`, or a name of `otwarp.studies.stopping.intervals.METHODS`, of which
-            `sequence` is valid at every number of trials and 1.5 times as wide.
+        method: How they are computed: `looks`, or `sequence`, which is valid at every number of trials and wider.
         at_least, at_most: Trials of a point.
         of: Name of the probability that decides; empty: each of them.
         budget: Trials of all points together, those first that are least sure on which side they are; None: each point

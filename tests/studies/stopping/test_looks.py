@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from otwarp.errors import InputError
 from otwarp.studies.stopping.contour import contour
 from otwarp.studies.stopping.intervals import interval
 from otwarp.studies.stopping.looks import doubling, level_at, looks_for
@@ -69,4 +70,6 @@ def test_a_point_goes_from_look_to_look():
     assert rule.at_least == rule.looks[0] == 16 and rule.at_most == rule.looks[-1] < 600
     done = np.array([0, 16, 16, 32, rule.at_most])
     assert rule.wanted(np.array([[0, 0, 8, 16, 260]]), done).tolist() == [16, 16, 32, 64, rule.at_most]
+    with pytest.raises(InputError, match="method is 'clopper-pearson'; allowed: looks, sequence"):
+        contour(0.5, method="clopper-pearson")  # type: ignore[arg-type]
     assert rule.said()["looks"] == rule.looks and "looks" not in contour(0.5, method="sequence").said()
