@@ -146,18 +146,18 @@ class Batch:
         for kernel in (kernels.take, self._judge, self._observe, *self._rows.kernels):
             wp.load_module(kernel.module, device=self.device)
 
-    def _launch(self, kernel: Any, *inputs: object, dim: Any = None) -> None:
-        wp.launch(kernel, dim=self.worlds if dim is None else dim, inputs=inputs, device=self.device)
+    def _launch(self, kernel: Any, *inputs: object) -> None:
+        wp.launch(kernel, dim=self.worlds, inputs=inputs, device=self.device)
 
     @property
     def _worlds(self) -> Any:
         """`WorldsData` of the model."""
         return self.sim.model.episode_data[0]
 
-    def _begin(self, *, hold: bool) -> None:
-        """Start the flagged worlds anew."""
+    def _begin(self, *, hold: bool = False, ended: bool = False) -> None:
+        """Start the flagged worlds anew, which with `ended` are those whose episodes are over."""
         sim, episode, start = self.sim, self.episode, self._start
-        self._launch(kernels.draw, start, episode)
+        self._launch(kernels.draw, start, self._worlds, int(ended), episode)
         self._rows.launch()
         sim.reset(episode.flags, position=start.body, number=episode.number)
         self._launch(kernels.begin, start, sim.control.data(), sim.state.data(), self._worlds, int(hold), episode)
@@ -166,23 +166,20 @@ class Batch:
         """What comes before the steps of a period: worlds start anew, and actions are taken in."""
         sim, episode = self.sim, self.episode
         if self.autoreset == "next":
-            self._launch(kernels.flag_ended, self._worlds, episode)
-            self._begin(hold=True)
+            self._begin(hold=True, ended=True)
         control, state, step = sim.control.data(), sim.state.data(), wp.float64(sim.time_step)
         self._launch(kernels.take, self.actions, self._hands, self.place, step, self._worlds, control, state, episode)
 
     def _after(self) -> None:
         """What comes after a period: its verdict, and in the mode `same` worlds that start anew."""
         sim, episode, out = self.sim, self.episode, self.verdict
-        if self.layout.moves:
-            shape = self.worlds, len(self.scene.traps)
-            self._launch(kernels.settle, sim.control.data(), episode, dim=shape)
         same = self.autoreset == "same"
-        state, readout = sim.state.data(), sim.last_readout.data()
-        self._launch(self._judge, state, readout, self.place, self._worlds, self._numbers, int(same), episode, out)
+        control, state, readout = sim.control.data(), sim.state.data(), sim.last_readout.data()
+        self._launch(
+            self._judge, control, state, readout, self.place, self._worlds, self._numbers, int(same), episode, out
+        )
         if same:
-            self._launch(kernels.flag_ended, self._worlds, episode)
-            self._begin(hold=False)
+            self._begin(ended=True)
             self._launch(self._observe, state, readout, self.place, self._numbers, episode, out.seen)
 
     def restart(self, chosen: np.ndarray | None = None, seeds: np.ndarray | None = None) -> None:
@@ -201,7 +198,7 @@ class Batch:
             number[fresh] = first[fresh].astype(np.uint32)
             episode.number.assign(number)
         episode.flags.assign(flags)
-        self._begin(hold=False)
+        self._begin()
         sim = self.sim
         self._launch(
             self._observe, sim.state.data(), sim.last_readout.data(), self.place, self._numbers, episode,

@@ -52,16 +52,11 @@ def box_point(start: StartData, number: wp.uint32, place: int, half: wp.vec3) ->
 
 
 @wp.kernel(enable_backward=False)
-def flag_ended(worlds: WorldsData, episode: EpisodeData):
-    """Flag the worlds that have ended."""
+def draw(start: StartData, worlds: WorldsData, ended: int, episode: EpisodeData):
+    """For each flagged world: its next trial, and where its bodies start; with `ended`, flag those that have ended."""
     world = wp.tid()
-    episode.flags[world] = wp.where(worlds.done[world] != 0, 1, 0)
-
-
-@wp.kernel(enable_backward=False)
-def draw(start: StartData, episode: EpisodeData):
-    """For each flagged world: its next trial, and where its bodies start."""
-    world = wp.tid()
+    if ended != 0:
+        episode.flags[world] = wp.where(worlds.done[world] != 0, 1, 0)
     if episode.flags[world] == 0:
         return
     number = episode.number[world] + NEXT_EPISODE
@@ -153,11 +148,3 @@ def take(actions: wp.array2d(dtype=wp.float32), hands: HandData, place: PlaceDat
             velocity = velocity_of(hands, place, episode, world, t)
             control.trap_velocity[world, t] = velocity
             episode.focus[world, t] = episode.focus[world, t] + place.period * velocity
-
-
-@wp.kernel(enable_backward=False)
-def settle(control: ControlData, episode: EpisodeData):
-    """At the end of a period: put the traps where they have come to, at rest."""
-    world, trap = wp.tid()
-    control.trap_position[world, trap] = episode.focus[world, trap]
-    control.trap_velocity[world, trap] = wp.vec3(0.0)

@@ -10,7 +10,7 @@ from otwarp.envs.kernels.types import EpisodeData, PlaceData, TaskNow
 from otwarp.kernels.core.features import CPU_FLAGS
 from otwarp.kernels.core.functions import compiled, function_from_text
 from otwarp.kernels.core.rounding import PRECISION
-from otwarp.kernels.core.types import ReadoutData, StateData, WorldsData
+from otwarp.kernels.core.types import ControlData, ReadoutData, StateData, WorldsData
 from otwarp.kernels.drivers.episodes import WorldFunction, parameters_from
 
 LIMIT = wp.constant(10.0)
@@ -124,10 +124,16 @@ def judge_kernels(
     see, earn, ended = seen_term(readings), earned_term(rewards), ended_term(ends)
 
     @wp.kernel(module="unique", enable_backward=False, module_options={"cpu_compiler_flags": CPU_FLAGS})
-    def judge(state: StateData, readout: ReadoutData, place: PlaceData, worlds: WorldsData, numbers: NumberData,
-              keep_last: int, episode: EpisodeData, out: VerdictData):  # fmt: skip
-        """After a period: rewards, ends and observations; a world that has just been reset is only observed."""
+    def judge(control: ControlData, state: StateData, readout: ReadoutData, place: PlaceData, worlds: WorldsData,
+              numbers: NumberData, keep_last: int, episode: EpisodeData, out: VerdictData):  # fmt: skip
+        """After a period: traps at rest where they have come to, rewards, ends and observations.
+
+        A world that has just been reset is only observed.
+        """
         world = wp.tid()
+        for t in range(control.trap_velocity.shape[1]):
+            control.trap_position[world, t] = episode.focus[world, t]
+            control.trap_velocity[world, t] = wp.vec3(0.0)
         for b in range(episode.gap.shape[1]):
             episode.gap[world, b] = wp.nan
         period = episode.period[world]
