@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pxr import Usd
 
 from otwarp.errors import InputError
 from otwarp.scene import Body, Obstacle, Scene, SceneBuilder, Sphere, Track, Trap, TrapLaw
@@ -201,3 +202,29 @@ def test_a_copy_has_all_of_its_original_and_its_traps_hold_it(editor: StageEdito
         assert new.position.at(0.0) == pytest.approx(np.add(old.position.at(0.0), WAY))
     assert editor.duplicate([robot.prim], (0.0, 0.0, 40.0)) == [f"{robot.prim}_copy_2"]
     assert Scene.load(editor.save(tmp_path / "more.usda")) == editor.scene
+
+
+def test_what_otwarp_does_not_know_stays_in_the_file(tmp_path: Path):
+    own = tmp_path / "own.usda"
+    foreign = 'def Xform "Notes"\n{\n    custom string author = "me"\n    custom double tracked.timeSamples = {\n'
+    foreign += "        0: 1,\n        7: 2,\n    }\n}\n"
+    head, mark, rest = SMALL.read_text().partition('def Xform "World"')
+    own.write_text(head + foreign + mark + rest)
+    editor = StageEditor(own)
+    before = editor.scene
+    editor.add(cell("/World/extra"))
+    saved = Usd.Stage.Open(str(editor.save(tmp_path / "more.usda")))
+    editor.close()
+    notes = saved.GetPrimAtPath("/Notes")
+    assert notes.GetAttribute("author").Get() == "me"
+    assert notes.GetAttribute("tracked").GetTimeSamples() == [0.0, 7.0]
+    original = Usd.Stage.Open(str(own))
+    for prim in original.Traverse():
+        there = saved.GetPrimAtPath(prim.GetPath())
+        assert there and there.GetTypeName() == prim.GetTypeName()
+        assert {a.GetName() for a in prim.GetAuthoredProperties()} <= {
+            a.GetName() for a in there.GetAuthoredProperties()
+        }
+    for field in ("metersPerUnit", "upAxis", "framesPerSecond", "timeCodesPerSecond", "startTimeCode", "endTimeCode"):
+        assert saved.GetMetadata(field) == original.GetMetadata(field), field
+    assert Scene.load(tmp_path / "more.usda").bodies[:-1] == before.bodies

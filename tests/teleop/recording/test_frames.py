@@ -90,6 +90,13 @@ def test_what_is_no_recording_is_refused(take: Path, tmp_path: Path):
         scene_of(take, about, SCENE.with_name("single_bead.usda"))
 
 
+def test_a_recording_of_another_version_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("otwarp.teleop.recording.FORMAT", 99)
+    session(tmp_path / "later.mcap", ot.Scene.load(SCENE))
+    with pytest.raises(InputError, match="is a recording of format 99; allowed: 1"):
+        read_frames(tmp_path / "later.mcap")
+
+
 def test_bodies_that_were_not_simulated_are_left_out(take: Path):
     about = dict(read_frames(take).about)
     names = about["scene"]["bodies"][:2]
