@@ -98,7 +98,8 @@ def propagate_many(
             out[p] = _one(specimen, microscope, light, grid, here, fourier, method, thickness)
         return out
     # neighbours in this order have about as many slices
-    order = sorted(range(len(specimens)), key=lambda p: float(np.ptp((specimens[p].low[2], specimens[p].high[2]))))
+    heights = [s.high[2] - s.low[2] if len(s) else 0.0 for s in specimens]
+    order = sorted(range(len(specimens)), key=heights.__getitem__)
     count = max(1, GROUP_BYTES // (8 * sources * here[0].size ** 2))
     for start in range(0, len(order), count):
         group = order[start : start + count]
@@ -152,7 +153,8 @@ def passed_together(
         waves = Waves.of(microscope, np.unique(np.concatenate([s.index for s in some])), grid, here, fourier)
         passed = amplitude if len(some) == len(specimens) else amplitude[solid]
         pass_together(some, stacks, passed, waves, grid, fourier, method)
-        amplitude[solid] = passed
+        if passed is not amplitude:
+            amplitude[solid] = passed
     return _outgoing(amplitude, shift, microscope, grid, here, fourier)
 
 
