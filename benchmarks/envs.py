@@ -22,7 +22,7 @@ from otwarp.simulation.simulation import Simulation
 WORLDS = (1, 64, 4_096, 65_536)
 """Environments that are timed."""
 SLOW = {("otwarp/CellDelivery-v0", "cpu"): 4_096}
-"""Most of them where all together take a minute for a step."""
+"""Most of them where more would take too long: a step of 65,536 takes a core some 20 s."""
 MEASURED = ("otwarp/Navigate-v0", "otwarp/CellDelivery-v0")
 """Tasks that are timed, as far as they are shipped."""
 PUBLISHED = {

@@ -72,7 +72,7 @@ class Batch:
         model = self.sim.model
         self.episode = episode_data(self.layout, model)
         self.place, self._meshes = place_data(self.layout, model)
-        self._rows = RowCopies(table.data, model.data, variants.count, self.episode)
+        self._rows = RowCopies(table, model, variants.count, self.episode)
         self._take_traps()
         self._start = self._starts(variants, table)
         self._hands, self._numbers = self.layout.hands(self.device), self.layout.numbers(self.device)
@@ -107,12 +107,11 @@ class Batch:
     def _starts(self, variants: Variants, table: Model) -> Any:
         """`StartData`."""
         task, model, start = self.task, self.sim.model, StartData()
-        place = np.array(model.start_position())[None]
-        if variants.starts is not None:
-            place = place + variants.starts
         values = table.values
         start.seed, start.variants = wp.uint32(SEED), variants.count
-        start.position = device_array(place, wp.vec3, self.device, ndim=2)
+        start.position = device_array(variants.places(model), wp.vec3, self.device, ndim=2)
+        turns = variants.orientations(model) if model.features.rigid else np.zeros((1, 0, 4))
+        start.orientation = device_array(turns, wp.quat, self.device, ndim=2)
         start.focus = device_array(values["trap_position"], wp.vec3, self.device, ndim=2)
         start.power = device_array(values["trap_power"], wp.float32, self.device, ndim=2)
         names = {"bodies": [b.name for b in self.scene.bodies], "traps": [t.prim for t in self.scene.traps]}
@@ -130,6 +129,7 @@ class Batch:
         goal = task.goal or (self.scene.goal.position if self.scene.goal else (0.0, 0.0, 0.0))
         start.goal, start.goal_half = wp.vec3(*goal), wp.vec3(*task.goal_half)
         start.body = wp.zeros((self.worlds, len(self.scene.bodies)), dtype=wp.vec3, device=self.device)
+        start.turned = wp.zeros((self.worlds, start.orientation.shape[1]), dtype=wp.quat, device=self.device)
         return start
 
     def _verdict(self) -> Any:
@@ -159,7 +159,8 @@ class Batch:
         sim, episode, start = self.sim, self.episode, self._start
         self._launch(kernels.draw, start, self._worlds, int(ended), episode)
         self._rows.launch()
-        sim.reset(episode.flags, position=start.body, number=episode.number)
+        turned = start.turned if sim.model.features.rigid else None
+        sim.reset(episode.flags, position=start.body, orientation=turned, number=episode.number)
         self._launch(kernels.begin, start, sim.control.data(), sim.state.data(), self._worlds, int(hold), episode)
 
     def _before(self) -> None:

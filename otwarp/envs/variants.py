@@ -10,9 +10,12 @@ import numpy as np
 from otwarp.envs.task import Task
 from otwarp.errors import InputError
 from otwarp.scene import Scene
+from otwarp.simulation.model import Model
+from otwarp.simulation.packing.bodies import is_rigid
 from otwarp.simulation.packing.parameters import PARAMETERS, scene_values
-from otwarp.simulation.packing.traps import trap_parameters
+from otwarp.simulation.packing.traps import rotate, trap_parameters
 from otwarp.studies.axes import Axis, dimensions
+from otwarp.studies.design import turned
 from otwarp.studies.targets import Target, target_of
 
 MOST = 1024
@@ -30,6 +33,7 @@ class Variants:
         count: Rows, 1 where nothing varies.
         parameters: `(V, …)` values by names of `otwarp.simulation.packing.parameters.PARAMETERS`.
         starts: (V, B, 3) shifts of where bodies start [µm], or None.
+        turns: (V, B, 3) rotation vectors by which they start turned [rad], or None.
 
     Raises:
         InputError: A name or value that the scene does not have, or that cannot differ from world to world.
@@ -41,6 +45,7 @@ class Variants:
         self.count = len(rows)
         self.parameters: dict[str, np.ndarray] = {}
         self.starts: np.ndarray | None = None
+        self.turns: np.ndarray | None = None
         for n, dimension in enumerate(found):
             for name, axis in dimension.columns.items():
                 self._put(task, scene, name, axis, rows[:, n])
@@ -49,13 +54,16 @@ class Variants:
         """Write the values of one axis into the table."""
         if name.startswith("/"):
             raise InputError(f"randomise of task {task.name} has {name}, an attribute of the stage; "
-                             "allowed: parameters that differ from world to world, start:PRIM")  # fmt: skip
+                             "allowed: parameters that differ from world to world, start:PRIM, turn:PRIM")  # fmt: skip
         target = target_of(name, scene, cast(Any, None))
-        if target.kind not in ("parameter", "start"):
-            raise InputError(f"randomise of task {task.name} has {name}; allowed: parameters, start:PRIM")
+        if target.kind not in ("parameter", "start", "turn"):
+            raise InputError(f"randomise of task {task.name} has {name}; allowed: parameters, start:PRIM, turn:PRIM")
         values = target.values(axis)[rows]
         if target.kind == "start":
             self._put_start(target, scene, values)
+            return
+        if target.kind == "turn":
+            self._put_turn(task, target, scene, values)
             return
         table = self.parameters.get(target.key)
         if table is None:
@@ -76,6 +84,32 @@ class Variants:
         else:
             self.starts[:, target.index, target.component] = values - place[target.component]
 
+    def _put_turn(self, task: Task, target: Target, scene: Scene, values: np.ndarray) -> None:
+        """Write by how much a body starts turned."""
+        if not any(is_rigid(body) for body in scene.bodies):
+            raise InputError(f"randomise of task {task.name} has {target.name}, where no body rotates; "
+                             "allowed: parameters, start:PRIM")  # fmt: skip
+        if self.turns is None:
+            self.turns = np.zeros((self.count, len(scene.bodies), 3))
+        assert target.index is not None
+        self.turns[:, target.index, slice(None) if target.component is None else target.component] = values
+
+    def orientations(self, model: Model) -> np.ndarray:
+        """(1|V, B, 4) quaternions of the bodies at the start."""
+        whole = np.array(model.start_orientation())
+        if self.turns is None:
+            return whole[None]
+        count, bodies = self.turns.shape[:2]
+        every = np.broadcast_to(whole, (count, bodies, 4)).reshape(-1, 4)
+        return turned(every, self.turns.reshape(-1, 3)).reshape(count, bodies, 4)
+
+    def places(self, model: Model) -> np.ndarray:
+        """(1|V, B, 3) reference points of the bodies at the start [µm]; prims are turned about their origins."""
+        origins = np.array([body.position for body in model.scene.bodies])[None]
+        if self.starts is not None:
+            origins = origins + self.starts
+        return origins + rotate(self.orientations(model), model.reference)
+
     def rows(self, worlds: int) -> dict[str, np.ndarray]:
         """Parameters of so many worlds at first: the rows one after the other."""
         chosen = np.arange(worlds) % self.count
@@ -92,8 +126,9 @@ def _combinations(lengths: list[int]) -> np.ndarray:
 
 
 def _authored(task: Task, scene: Scene, name: str) -> np.ndarray:
-    """What the scene has of a parameter: () of medium and flow, (T) or (T, 3) of traps."""
+    """What the scene has of a parameter: () of medium and flow, (T) or (T, 3) of traps, (B) or (B, 3) of bodies."""
     known = trap_parameters(scene) if PARAMETERS[name].of == "traps" else scene_values(scene)
-    if name not in known or PARAMETERS[name].of == "bodies":
-        raise InputError(f"randomise of task {task.name} has {name}; allowed: parameters of medium, flow and traps")
+    if name not in known:
+        raise InputError(f"randomise of task {task.name} has {name}; "
+                         "allowed: parameters of medium, flow, traps and bodies")  # fmt: skip
     return known[name][0] if PARAMETERS[name].of else np.array(float(np.ravel(known[name])[0]))

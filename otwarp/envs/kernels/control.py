@@ -24,6 +24,7 @@ class StartData:
     seed: wp.uint32
     variants: wp.int32  # rows of the table of randomised parameters, 1 for none
     position: wp.array2d(dtype=wp.vec3)  # (1|V, B) reference points [µm]
+    orientation: wp.array2d(dtype=wp.quat)  # (1|V, B), (1, 0) where nothing turns
     focus: wp.array2d(dtype=wp.vec3)  # (1|V, T) [µm]
     power: wp.array2d(dtype=wp.float32)  # (1|V, T) [mW]
     body_group: wp.array(dtype=wp.int32)  # (B) group that shifts it, -1 none
@@ -32,6 +33,7 @@ class StartData:
     goal: wp.vec3  # [µm]
     goal_half: wp.vec3
     body: wp.array2d(dtype=wp.vec3)  # out: (W, B) where the chosen worlds start [µm]
+    turned: wp.array2d(dtype=wp.quat)  # out: (W, B) and how their bodies lie, (W, 0) where nothing turns
 
 
 @wp.struct
@@ -74,6 +76,9 @@ def draw(start: StartData, worlds: WorldsData, ended: int, episode: EpisodeData)
         start.body[world, b] = place
         episode.start[world, b] = place
         episode.before[world, b] = place
+    row = wp.where(start.orientation.shape[0] == 1, 0, variant)
+    for b in range(start.turned.shape[1]):
+        start.turned[world, b] = start.orientation[row, b]
     episode.goal[world] = start.goal + box_point(start, number, GOAL, start.goal_half)
 
 
