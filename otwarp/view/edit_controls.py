@@ -88,7 +88,7 @@ class EditControls:
         self._state = gui.add_html("")
         self._note = gui.add_html("")
         with gui.add_folder("Add"):
-            kinds = gui.add_button_group("Thing", KINDS)
+            kinds = gui.add_button_group("Thing", (*KINDS, "robot"))
 
             async def chosen(_: Any) -> None:
                 kind = kinds.value

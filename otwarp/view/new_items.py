@@ -10,8 +10,8 @@ from otwarp.laws import TrapLaw
 from otwarp.scene import Body, Goal, Obstacle, Sphere, Track, Trap
 from otwarp.scene.write.edit import StageEditor
 
-KINDS = ("trap", "robot", "cell", "obstacle", "goal")
-"""What can be added by a click; robots by `otwarp.view.new_pieces`."""
+KINDS = ("trap", "cell", "obstacle", "goal")
+"""What is made here; `otwarp.view.new_pieces` makes robots and meshes."""
 LAW, POWER = TrapLaw(stiffness=1.0, power=1.0), 5.0
 """Of a trap in a scene without any: a spring of 1 pN/µm per mW, and its power [mW]."""
 
@@ -23,7 +23,7 @@ def new_item(kind: str, editor: StageEditor, place: Sequence[float], size: float
     is for the first cell and all robots, or for the first robot alone.
 
     Args:
-        kind: One of `KINDS` but `robot`.
+        kind: One of `KINDS`.
         editor: The scene.
         place: Where [µm].
         size: Radius of a cell or a goal, half side of an obstacle, a cube [µm].
