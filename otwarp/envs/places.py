@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from otwarp.envs.kernels.geometry import tabulate_poses
 from otwarp.envs.kernels.types import EpisodeData, PlaceData
 from otwarp.envs.layout import Layout
 from otwarp.envs.task import Task
@@ -65,6 +66,12 @@ def place_data(layout: Layout, model: Model) -> tuple[Any, list[wp.Mesh]]:
     data.equilibrium = device_array(away, wp.vec3, device)
     data.hand = device_array(layout.hand, wp.int32, device)
     data.obstacles, meshes = pack_obstacles(scene, True, place)
+    last = max((float(o.position.times[-1]) for o in scene.obstacles), default=0.0)
+    shape = 2 + math.ceil(min(last, task.time_limit) * task.rate), len(scene.obstacles)
+    data.obstacle_position = wp.zeros(shape, dtype=wp.vec3, device=device)
+    data.obstacle_rotation = wp.zeros(shape, dtype=wp.quat, device=device)
+    poses = [wp.float64(1.0 / task.rate), data.obstacle_position, data.obstacle_rotation]
+    wp.launch(tabulate_poses, dim=shape, inputs=[data.obstacles, *poses], device=device)
     data.flow_speed = model.data.flow.speed
     data.period, data.time_limit = 1.0 / task.rate, task.time_limit
     data.speed_limit = task.speed_limit

@@ -3,9 +3,8 @@
 import warp as wp
 
 from otwarp.envs.kernels.types import TaskNow
-from otwarp.kernels.contact.obstacles import FAR, SHAPES, distance_term, pose_between
-from otwarp.kernels.core.keyframes import find_key_from
-from otwarp.kernels.core.types import Pose, world_row
+from otwarp.kernels.contact.obstacles import FAR, SHAPES, distance_term, moving_pose
+from otwarp.kernels.core.types import ObstacleData, Pose, world_row
 
 shape_distance = distance_term(tuple(SHAPES))
 
@@ -35,26 +34,27 @@ def held_place(now: TaskNow, trap: int) -> wp.vec3:
     return place
 
 
+@wp.kernel(enable_backward=False)
+def tabulate_poses(obstacles: ObstacleData, period: wp.float64, position: wp.array2d(dtype=wp.vec3),
+                   rotation: wp.array2d(dtype=wp.quat)):  # fmt: skip
+    """Poses of obstacles after so many periods of control, over (periods, obstacles)."""
+    row, obstacle = wp.tid()
+    pose = moving_pose(obstacles, obstacle, wp.float64(row) * period)
+    position[row, obstacle] = pose.position
+    rotation[row, obstacle] = pose.rotation
+
+
 @wp.func
-def obstacle_pose(now: TaskNow, obstacle: int, time: float) -> Pose:
-    """Pose of an obstacle at `time` [s], found at once where its samples are evenly spaced."""
-    first = now.place.obstacles.key_start[obstacle]
-    last = now.place.obstacles.key_start[obstacle + 1] - 1
-    pose = Pose(now.place.obstacles.key_position[first], now.place.obstacles.key_rotation[first])
-    if last > first:
-        when = wp.float64(time)
-        begin = now.place.obstacles.key_time[first]
-        share = (when - begin) / (now.place.obstacles.key_time[last] - begin)
-        near = first + int(wp.clamp(wp.float32(share), 0.0, 1.0) * float(last - first))
-        key = find_key_from(now.place.obstacles.key_time, near, first, last, when)
-        pose = pose_between(now.place.obstacles, key, when)
-    return pose
+def obstacle_pose(now: TaskNow, obstacle: int, period: int) -> Pose:
+    """Pose of an obstacle [µm] so many periods of control after the start of the episode."""
+    row = wp.clamp(period, 0, now.place.obstacle_position.shape[0] - 1)
+    return Pose(now.place.obstacle_position[row, obstacle], now.place.obstacle_rotation[row, obstacle])
 
 
 @wp.func
 def surface_of(now: TaskNow, obstacle: int, point: wp.vec3) -> wp.vec4:
     """Outward normal of an obstacle's surface nearest to a point, and the distance of the point from it [µm]."""
-    pose = obstacle_pose(now, obstacle, now.time)
+    pose = obstacle_pose(now, obstacle, now.period)
     local = wp.quat_rotate_inv(pose.rotation, point - pose.position)
     found = shape_distance(now.place.obstacles, obstacle, local, FAR)
     normal = wp.quat_rotate(pose.rotation, wp.vec3(found[0], found[1], found[2]))
@@ -84,7 +84,7 @@ def gap_of(now: TaskNow, body: int) -> float:
             sphere = now.place.sphere[s]
             point = place + wp.quat_rotate(turn, wp.vec3(sphere[0], sphere[1], sphere[2]))
             for obstacle in range(now.place.obstacles.shape.shape[0]):
-                pose = obstacle_pose(now, obstacle, now.time)
+                pose = obstacle_pose(now, obstacle, now.period)
                 way = point - pose.position
                 # what is farther away than the nearest so far is not looked at
                 if wp.length(way) - now.place.obstacles.bound[obstacle] - sphere[3] < least:

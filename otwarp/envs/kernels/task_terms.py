@@ -8,7 +8,7 @@ from otwarp.envs.kernels.types import TaskNow
 
 def middle_offset(now: TaskNow, body: int, obstacle: int) -> wp.vec3:
     """Way from a body to the middle of an obstacle."""
-    pose = obstacle_pose(now, obstacle, now.time)
+    pose = obstacle_pose(now, obstacle, now.period)
     return pose.position - body_place(now, body)
 
 

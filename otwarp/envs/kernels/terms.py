@@ -68,8 +68,8 @@ def obstacle_offset(now: TaskNow, body: int, obstacle: int) -> wp.vec3:
 
 def obstacle_velocity(now: TaskNow, obstacle: int) -> wp.vec3:
     """Velocity of an obstacle's origin over the last period."""
-    last = obstacle_pose(now, obstacle, now.time)
-    before = obstacle_pose(now, obstacle, now.time - now.place.period)
+    last = obstacle_pose(now, obstacle, now.period)
+    before = obstacle_pose(now, obstacle, now.period - 1)
     return (last.position - before.position) / now.place.period
 
 

@@ -148,13 +148,8 @@ def moving_pose(obstacles: ObstacleData, index: int, time: wp.float64) -> Pose:
     last = obstacles.key_start[index + 1] - 1
     pose = Pose(obstacles.key_position[first], obstacles.key_rotation[first])
     if last > first:
-        pose = pose_between(obstacles, find_key(obstacles.key_time, first, last, time), time)
+        key = find_key(obstacles.key_time, first, last, time)
+        w = key_weight(obstacles.key_time, key, time)
+        pose.position = (1.0 - w) * obstacles.key_position[key] + w * obstacles.key_position[key + 1]
+        pose.rotation = wp.normalize((1.0 - w) * obstacles.key_rotation[key] + w * obstacles.key_rotation[key + 1])
     return pose
-
-
-@wp.func
-def pose_between(obstacles: ObstacleData, key: int, time: wp.float64) -> Pose:
-    """World pose at `time` [s] between sample `key` and the next."""
-    w = key_weight(obstacles.key_time, key, time)
-    position = (1.0 - w) * obstacles.key_position[key] + w * obstacles.key_position[key + 1]
-    return Pose(position, wp.normalize((1.0 - w) * obstacles.key_rotation[key] + w * obstacles.key_rotation[key + 1]))
