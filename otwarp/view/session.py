@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +37,7 @@ class SessionSource:
         foci = [frames.poses[name][:, :3] for name in traps]
         self._arrays["trap_position"] = _stack(foci, len(self.time), 3)
         self.held = np.array([trap.held for trap in compose(self.scene).traps], dtype=int)
-        self.about = (
+        rows = (
             ("scene", str(self.scene.file)),
             ("recorded", str(said.get("recorded"))),
             ("devices", ", ".join(f"{hand}: {name}" for hand, name in said.get("devices", {}).items()) or "none"),
@@ -46,6 +47,7 @@ class SessionSource:
             ("the whole session", "yes" if frames.complete else "no: cut short"),
             ("otwarp", str(said.get("otwarp"))),
         )
+        self.about = tuple((name, html.escape(value)) for name, value in rows)  # values are shown as HTML
 
     def frame(self, index: int) -> PageFrame:
         """See `Source`; moving obstacles stand where simulated time has them."""

@@ -155,7 +155,7 @@ def measure(window: Any, drawing: Any, source: RecordedRun) -> None:
 def test_a_session_is_played_and_a_plot_clicked_on(tmp_path: Path):
     pytest.importorskip("rosbags")
     session(tmp_path / "take.mcap", ot.Scene.load(SCENE))
-    with browser() as engine, page_of("view", str(tmp_path / "take.mcap")) as url:
+    with browser() as engine, page_of("view", str(tmp_path / "take.mcap"), "--theme", "light") as url:
         window, errors = opened(engine, url, WIDE)
         assert window.title() == "otwarp · take.mcap"
         plot = window.locator(".u-over").first
@@ -169,6 +169,8 @@ def test_a_session_is_played_and_a_plot_clicked_on(tmp_path: Path):
         window.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 40)
         window.mouse.up()
         comes(window, lambda: share(window) == pytest.approx(0.6, abs=0.01))
+        window.get_by_text("Run", exact=True).click()
+        window.get_by_text("that of the session's clock").wait_for(timeout=PATIENCE)
         ARTIFACTS.mkdir(parents=True, exist_ok=True)
         window.wait_for_timeout(500)
         window.screenshot(path=ARTIFACTS / "view_session.png")

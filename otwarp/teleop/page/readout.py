@@ -111,7 +111,7 @@ def figures(frame: PageFrame, rate: float, delay: float | None, visitors: int) -
 def table(rows: Sequence[tuple[str, str]]) -> str:
     """Rows of name and value; values are HTML already."""
     body = "".join(
-        f'<tr><td style="color:{_GREY};padding:1px 12px 1px 0;white-space:nowrap">{_escape(name)}</td>'
+        f'<tr><td style="opacity:0.75;padding:1px 12px 1px 0;white-space:nowrap">{_escape(name)}</td>'
         f'<td style="font-variant-numeric:tabular-nums;overflow-wrap:anywhere">{value}</td></tr>'
         for name, value in rows
     )

@@ -83,6 +83,8 @@ def read_frames(path: Path) -> SessionFrames:
                 clock.append((float(pace["wall"]), float(pace["simulated"])))
             else:
                 topics[topic].add(data)
+    except InputError:
+        raise
     except (struct.error, ValueError, KeyError, IndexError) as error:
         raise InputError(f"{path}: has a message that cannot be read ({error}); allowed: as otwarp wrote it") from None
     if not isinstance(about, dict):
