@@ -57,7 +57,10 @@ class Remarks:
         while (asked := self._waiting.get()) is not None:
             scene, file = asked
             if self._waiting.empty():
-                found = judged(scene, file)
+                try:
+                    found = judged(scene, file)
+                except Exception as error:  # a defect of ours ends neither this thread nor the remarks to come
+                    found = [finding(file, f"could not be judged, a defect of otwarp: {type(error).__name__}: {error}")]
                 if self._waiting.empty():
                     self._show(found)
             file.unlink()

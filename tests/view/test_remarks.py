@@ -5,8 +5,11 @@ from __future__ import annotations
 import queue
 from pathlib import Path
 
+import pytest
+
 from otwarp.scene import Scene, SceneBuilder, Settings
 from otwarp.scene.finding import Finding
+from otwarp.view import remarks as remarks_module
 from otwarp.view.remarks import MOST_SHOWN, Remarks, as_html, judged
 from tests.view.runs import SCENE
 
@@ -24,6 +27,18 @@ def test_the_newest_scene_is_judged_as_validate_does(tmp_path: Path):
     assert list(found) == judged(scene, tmp_path / "dark.usda")
     assert any("no light" in remark.message for remark in found)
     assert answers.qsize() <= 4  # those that were overtaken are passed over
+
+
+def test_a_judge_that_breaks_is_told_and_judges_the_next(monkeypatch: pytest.MonkeyPatch):
+    scene, answers = Scene.load(SCENE), queue.SimpleQueue()
+    with monkeypatch.context() as broken:
+        broken.setattr(remarks_module, "check_run", lambda scene: [][1])
+        remarks = Remarks(answers.put)
+        remarks.ask(scene)
+        assert "IndexError" in answers.get(timeout=60.0)[0].message
+    remarks.ask(scene)
+    assert answers.get(timeout=60.0) == []
+    remarks.close()
 
 
 def test_a_scene_of_ours_needs_no_remark():
