@@ -10,6 +10,7 @@
 | `detector` | a synthetic detector, and what fits allow for |
 | `process`, `brownian` | second moments of a trapped bead as a detector samples it; exact tracks |
 | `methods`, `estimates` | all calibrations side by side; how their intervals are labelled |
+| `stationary` | whether traps rest and the beginning has settled, which they take for granted |
 | `spectrum`, `correlation`, `variance`, `likelihood`, `drag` | a calibration each |
 | `lifetimes`, `free_energy` | when traps lost what they held; work, Jarzynski and Crooks |
 | `curves`, `figure` | what pictures show, and the pictures |

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -12,9 +13,10 @@ from otwarp.analysis.correlation import fit_autocorrelation, fit_msd
 from otwarp.analysis.detector import Detector
 from otwarp.analysis.likelihood import forma
 from otwarp.analysis.spectrum import fit_spectrum
+from otwarp.analysis.stationary import not_stationary
 from otwarp.analysis.tracks import xarray
 from otwarp.analysis.variance import equipartition
-from otwarp.errors import InputError
+from otwarp.errors import InputError, PlausibilityWarning
 
 METHODS: dict[str, Callable[..., Any]] = {
     "equipartition": equipartition,
@@ -57,6 +59,9 @@ def calibrate(
 
     Raises:
         InputError: A method that is none, an unknown temperature, something that is no track, or one not trapped.
+
+    Warns:
+        PlausibilityWarning: Traps move or the beginning has not settled; `warnings` of the result says so as well.
     """
     unknown = [m for m in methods if m not in METHODS]
     if unknown:
@@ -76,6 +81,10 @@ def calibrate(
     out = xr.concat([t.reset_coords(drop=True) for t in tables], "estimator", data_vars="all", join="outer")
     out.attrs = {"level": level, "temperature": kelvin, "notes": "; ".join(notes)}
     out.attrs |= {"known_drag": float(trajectory.attrs.get("drag", math.nan))}
+    doubts = not_stationary(trajectory)
+    out.attrs["warnings"] = "; ".join(doubts)
+    for doubt in doubts:
+        warnings.warn(f"{trajectory.attrs.get('body', 'track')}: {doubt}", PlausibilityWarning, stacklevel=2)
     slope = force_slope(trajectory)
     if slope is not None and x.attrs.get("units") != "rad":
         out["known_stiffness"] = ("axis", slope, {"units": "pN/um", "long_name": "slope of the recorded trap force"})

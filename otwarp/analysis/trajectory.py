@@ -54,10 +54,10 @@ def load_trajectory(
             robot whose traps hold its direction.
 
     Returns:
-        Dataset over world, time, axis: `position`, and where traps hold the body `trap_position` (the mean of theirs),
-        `trap_force` (the sum), `work` that moving them has done on the bead [pN·µm]; `displacement`, the position as
-        the trap sees it, is what calibrations take. Attributes: `body`, `temperature` [K], NaN in a file that does not
-        say, and `drag` [pN·s/µm], of Stokes for a lone sphere, NaN else.
+        Dataset over world, time, axis: `position`, and where traps hold the body `foci` (trap, world, time, xyz) and
+        `trap_position` (their mean), `trap_force` (the sum), `work` that moving them has done on the bead [pN·µm];
+        `displacement`, the position as the trap sees it, is what calibrations take. Attributes: `body`, `temperature`
+        [K], NaN in a file that does not say, and `drag` [pN·s/µm], of Stokes for a lone sphere, NaN else.
 
     Raises:
         InputError: No run, no such body or world, or nothing left of the run.
@@ -115,6 +115,7 @@ def _of_body(run: Any, name: str, rotation: bool) -> Any:
     if len(held):
         foci, force = run["trap_position"].isel(trap=held), run["trap_force"].isel(trap=held).values.astype(float)
         out["trap_position"] = series(foci.mean("trap"))
+        out["foci"] = ("trap", "world", "time", "xyz"), np.moveaxis(foci.values.astype(float), (2, 1), (0, 1))
         out["trap_force"] = series(force.sum(axis=2))
         out["trap_power"] = dims[:2], run["trap_power"].isel(trap=held).sum("trap").values.T.astype(float)
         steps = np.diff(foci.values.astype(float), axis=0)
@@ -123,7 +124,7 @@ def _of_body(run: Any, name: str, rotation: bool) -> Any:
         out["work"].attrs = {"units": "pN um", "long_name": "work of moving the traps"}
         moved = out["trap_position"].values
     out["displacement"] = dims, out["position"].values - moved
-    for variable in ("position", "trap_position", "displacement"):
+    for variable in ("position", "trap_position", "foci", "displacement"):
         if variable in out:
             out[variable].attrs["units"] = "um"
     if rotation:

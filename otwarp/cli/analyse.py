@@ -186,7 +186,7 @@ def _calibrations(bead: Any, asked: dict[str, Any], curves: list[str], found: Fo
     rows = table[[v for v in table.data_vars if v.startswith(("stiffness", "drag"))]].to_dataframe().reset_index()
     said["calibration"] = rows.to_dict("records")
     said["known_drag"] = bead.attrs["drag"]
-    said["notes"] = table.attrs.get("notes", "")
+    said["notes"], said["warnings"] = table.attrs.get("notes", ""), table.attrs.get("warnings", "")
     if "known_stiffness" in table:
         known_k = table["known_stiffness"]
         known_k = known_k.isel(estimator=0) if "estimator" in known_k.dims else known_k
@@ -210,18 +210,41 @@ def _print_calibrations(table: Any, rotation: bool, console: Any) -> None:
     level = f"{100.0 * table.attrs['level']:g} %"
     for name in (f"stiffness ({per})", level, f"drag ({slow})", level):
         grid.add_column(name, justify="right")
+    grid.add_column("", no_wrap=True)
+    missed = False
     for axis in table["axis"].values:
         one = table.sel(axis=axis)
         for method in table["estimator"].values:
             row = one.sel(estimator=method)
             cells = [text for name in ("stiffness", "drag") for text in _spelled(row, name)]
-            grid.add_row(str(axis), str(method), *cells)
+            known = {"stiffness": one.get("known_stiffness", math.nan), "drag": table.attrs.get("known_drag", math.nan)}
+            outside = [name for name, value in known.items() if _misses(row, name, float(value))]
+            grid.add_row(str(axis), str(method), *cells, f"{MISSES} ({', '.join(outside)})" if outside else "")
+            missed = missed or bool(outside)
         if "known_stiffness" in one:
             drag = table.attrs.get("known_drag", math.nan)
             grid.add_row(str(axis), "the twin's own", f"{float(one['known_stiffness']):.4g}", "", _number(drag), "")
     console.print(grid)
+    if missed:
+        console.print(
+            f"{MISSES}: the interval does not hold the twin's own value. Chance does that to "
+            f"{100.0 * (1.0 - table.attrs['level']):.3g} % of them;\n"
+            "several tell of a run that is not stationary, or of a force that is no spring"
+        )
     if table.attrs.get("notes"):
         console.print(table.attrs["notes"])
+
+
+MISSES = "misses"
+"""Mark of an interval that does not hold what the twin knows."""
+
+
+def _misses(row: Any, name: str, known: float) -> bool:
+    """Whether an interval that was estimated leaves out what is known."""
+    if name not in row:
+        return False
+    low, high = float(row[f"{name}_low"]), float(row[f"{name}_high"])
+    return math.isfinite(known) and low < high and not low <= known <= high
 
 
 def _spelled(row: Any, name: str) -> tuple[str, str]:
