@@ -27,6 +27,7 @@ THOROUGH = (
     "cli/test_new.py",
     "cli/test_warnings.py",
     "docs/test_blocks.py",
+    "docs/test_commands.py",
     "docs/test_site.py",
     "envs/test_adapters.py",
     "envs/test_batch.py",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import queue
 import socket
 import socketserver
 import threading
@@ -56,6 +57,7 @@ class MasterDouble:
     def __init__(self) -> None:
         self.port = 0
         self.calls: list[tuple[Any, ...]] = []
+        self._updates: dict[str, queue.SimpleQueue[tuple[str, list[str]]]] = {}
         self._lock = threading.Lock()
         self.start()
 
@@ -129,17 +131,21 @@ class MasterDouble:
         return [1, "", [*books, []]]
 
     def _update_subscribers(self, topic: str) -> None:
-        """Tell subscribers of a topic who publishes it, as a master does: in threads of its own."""
+        """Tell subscribers of a topic who publishes it, as a master does: each in a thread of its own, in order."""
         with self._lock:
             publishers = [one[0] for one in self.publishers.get(topic, {}).values()]
-            subscribers = [one[0] for one in self.subscribers.get(topic, {}).values()]
-        for uri in subscribers:
-            threading.Thread(target=_update, args=(uri, topic, publishers), daemon=True).start()
+            for uri in [one[0] for one in self.subscribers.get(topic, {}).values()]:
+                if uri not in self._updates:
+                    self._updates[uri] = queue.SimpleQueue()
+                    threading.Thread(target=_update, args=(uri, self._updates[uri]), daemon=True).start()
+                self._updates[uri].put((topic, publishers))
 
 
-def _update(uri: str, topic: str, publishers: list[str]) -> None:
-    with contextlib.suppress(OSError, xmlrpc.client.Error), xmlrpc.client.ServerProxy(uri) as node:
-        node.publisherUpdate("/master", topic, publishers)
+def _update(uri: str, news: queue.SimpleQueue[tuple[str, list[str]]]) -> None:
+    while True:
+        topic, publishers = news.get()
+        with contextlib.suppress(OSError, xmlrpc.client.Error), xmlrpc.client.ServerProxy(uri) as node:
+            node.publisherUpdate("/master", topic, publishers)
 
 
 class BadPublisher:
