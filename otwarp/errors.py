@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Sequence
+
 
 class InputError(ValueError):
     """A scene, argument or file that otwarp cannot accept.
@@ -34,3 +37,20 @@ class SimulationError(RuntimeError):
     def __init__(self, reason: str, *, world: int, body: str, step: int, time: float):
         super().__init__(f"{reason}: world {world}, body {body}, step {step} (t = {time:.6g} s); last good frame kept")
         self.world, self.body, self.step, self.time = world, body, step, time
+
+
+def nearest(name: str, known: Sequence[str], *, shown: int = 12) -> str:
+    """What ends the message about an unknown name: `; did you mean …?` of a known one like it, else what is allowed.
+
+    Args:
+        name: The unknown one.
+        known: Those that there are.
+        shown: How many of them are listed at most.
+    """
+    near = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+    if not near:  # `index` for `refractive_index`
+        near = [one for one in known if len(name) > 2 and name.lower() in one.lower()]
+    if near:
+        return f"; did you mean {near[0]}?"
+    rest = f", … ({len(known)} of them)" if len(known) > shown else ""
+    return f"; allowed: {', '.join(known[:shown])}{rest}" if known else ""

@@ -79,7 +79,7 @@ INNER: dict[str, set[str]] = {
     "scene.plausibility": {"scene"},
     "scene.read": {"scene", "scene.check", "scene.vocabulary", "scene.schema", "scene.plausibility"},
     "scene.appearance": {"scene", "scene.read"},
-    "scene.write": {"scene", "scene.vocabulary", "scene.schema", "scene.read", "scene.appearance"},
+    "scene.write": {"scene", "scene.check", "scene.vocabulary", "scene.schema", "scene.read", "scene.appearance"},
     "scene.drawing": {"scene", "scene.read", "scene.appearance"},
     "scene.export": {"scene", "scene.read", "scene.write", "scene.appearance", "scene.drawing"},
     "scene.recording": {"scene", "scene.vocabulary", "scene.read", "scene.appearance", "scene.drawing"},

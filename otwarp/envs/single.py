@@ -47,14 +47,25 @@ class Env(gymnasium.Env):
         self._images = images_of(self.batch)
         self._picture = Picture(self.batch) if render_mode == "rgb_array" else None
         self.window = Window(self.batch) if render_mode == "human" else None
-        self._started = False
+        self._started = self.closed = False
+
+    def refuse_closed(self) -> None:
+        """Refuse to go on after `close`.
+
+        Raises:
+            gymnasium.error.ClosedEnvironmentError: It was closed.
+        """
+        if self.closed:
+            raise gymnasium.error.ClosedEnvironmentError(f"{self.task.name} was closed; make it anew to go on")
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start an episode: the first one of a seed, or the next one.
 
         Raises:
             InputError: A seed or an option that is none.
+            gymnasium.error.ClosedEnvironmentError: After `close`.
         """
+        self.refuse_closed()
         if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0):
             raise InputError(f"seed is {seed!r}; allowed: a whole number from 0 on, or None")
         if options:
@@ -84,7 +95,9 @@ class Env(gymnasium.Env):
         Raises:
             InputError: An action of another shape or type, or that is not finite; an episode that is over, or that
                 has not begun. The environment stays as it is.
+            gymnasium.error.ClosedEnvironmentError: After `close`.
         """
+        self.refuse_closed()
         batch, out = self.batch, self.batch.verdict
         if not self._started or batch.done[0]:
             raise InputError("step of an episode that is over or has not begun; allowed: reset() first")
@@ -105,6 +118,7 @@ class Env(gymnasium.Env):
         return None if self._picture is None else self._picture.draw(0)
 
     def close(self) -> None:
-        """End the page of the mode `human`; may be called more than once."""
+        """End it, and the page of the mode `human`; may be called more than once."""
+        self.closed = True
         if self.window is not None:
             self.window.close()

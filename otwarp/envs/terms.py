@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -97,6 +98,16 @@ class Term:
                 raise InputError(f"{name} of term {self.name} is {value!r}; allowed: {KINDS[kind]}")
             numbers += [float(p) for p in parts]
         return numbers
+
+    @property
+    def told(self) -> str:
+        """Its meaning with the values of its parameters, numbers that is, in place of their names."""
+
+        def value(named: re.Match[str]) -> str:
+            given = self.values.get(named[1])
+            return f"{given:g} {named[2] or ''}".rstrip() if _is_number(given) else named[0]
+
+        return re.sub(r"`(\w+)`(?: \[([^\]]+)\])?", lambda m: value(m), self.meaning)
 
     @property
     def components(self) -> tuple[int, ...]:

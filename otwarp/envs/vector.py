@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from gymnasium.error import ClosedEnvironmentError
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector import VectorEnv as GymnasiumVectorEnv
 from gymnasium.vector.utils import batch_space
@@ -81,6 +82,15 @@ class VectorEnv(GymnasiumVectorEnv):
         self._drawn = tuple(whole("render_envs", n, 0, num_envs - 1) for n in render_envs)
         self._started = False
 
+    def refuse_closed(self) -> None:
+        """Refuse to go on after `close`.
+
+        Raises:
+            gymnasium.error.ClosedEnvironmentError: It was closed.
+        """
+        if self.closed:
+            raise ClosedEnvironmentError(f"{self.task.name} was closed; make it anew to go on")
+
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
@@ -93,7 +103,9 @@ class VectorEnv(GymnasiumVectorEnv):
 
         Raises:
             InputError: A seed or an option that is none.
+            gymnasium.error.ClosedEnvironmentError: After `close`.
         """
+        self.refuse_closed()
         mask = self._mask(options)
         seeds = self._seeds(seed)
         if not self._started and mask is not None and not mask.all():
@@ -159,7 +171,9 @@ class VectorEnv(GymnasiumVectorEnv):
         Raises:
             InputError: Actions of another shape, type or device; a number that is not finite; no reset yet; an
                 episode that is over, in the mode DISABLED. The environments stay as they are.
+            gymnasium.error.ClosedEnvironmentError: After `close`.
         """
+        self.refuse_closed()
         if not self._started:
             raise InputError("step before the first reset; allowed: reset() first")
         batch, read = self.batch, self._read

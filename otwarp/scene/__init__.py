@@ -10,6 +10,7 @@ opened afterwards: before USD starts, through its plugin path; when USD is alrea
 |---|---|---|
 | `description`, `track`, `scene` | plain frozen dataclasses in µm, s, pN, mW, K: neither USD nor Warp | `description` |
 | `digest` | content hash of a scene, for checkpoints and recordings | `digest` |
+| `keywords` | misspelt keywords, with the nearest name | `keywords` |
 | `finding` | what is wrong or odd in a scene | `finding` |
 | `obstacle_shapes` | the table of shapes: prim, distance, outline | `obstacle_shapes` |
 | `flow_profile`, `flow_grid` | the table of flow profiles: velocity, bounds; a flow as data | `flow_profile` |

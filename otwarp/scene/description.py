@@ -16,6 +16,7 @@ import numpy as np
 from otwarp.laws import TrapLaw
 from otwarp.laws.table import Interpolation
 from otwarp.scene.flow_grid import FlowGrid
+from otwarp.scene.keywords import KnownFields
 from otwarp.scene.track import ByValue, Track
 
 Vec3 = tuple[float, float, float]
@@ -27,7 +28,7 @@ OPTICAL_MODELS = ("table", "exact")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Medium:
+class Medium(KnownFields):
     """The liquid.
 
     Attributes:
@@ -44,7 +45,7 @@ class Medium:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class Settings(KnownFields):
     """How the scene is to be stepped.
 
     Attributes:
@@ -143,7 +144,7 @@ class Trap(ByValue):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Material:
+class Material(KnownFields):
     """Elastic and adhesive surface.
 
     Attributes:
@@ -160,7 +161,7 @@ class Material:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sphere:
+class Sphere(KnownFields):
     """One sphere of a body, and what acts on it.
 
     Attributes:
@@ -181,7 +182,7 @@ class Sphere:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rod:
+class Rod(KnownFields):
     """A rod of a body, which no trap acts on.
 
     Attributes:
@@ -202,7 +203,7 @@ class Rod:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Body:
+class Body(KnownFields):
     """A rigid body made of spheres and rods: a microrobot, a bead, or a cell (one sphere).
 
     Attributes:
@@ -277,7 +278,7 @@ class Obstacle(ByValue):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Flow:
+class Flow(KnownFields):
     """Background flow along the local +X of its prim, varying along the local +Z (and +Y).
 
     Attributes:
@@ -307,7 +308,7 @@ class Flow:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Camera:
+class Camera(KnownFields):
     """The microscope; light travels along the camera's +Z axis towards it.
 
     Attributes:
@@ -369,7 +370,7 @@ class Camera:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Goal:
+class Goal(KnownFields):
     """The task: bring `cell` to `position`.
 
     Attributes:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.scene.keywords import KnownFields
 from otwarp.scene.transforms import align_z, rotate
 
 
@@ -21,7 +22,7 @@ def _same(a: object, b: object) -> bool:
     return a == b
 
 
-class ByValue:
+class ByValue(KnownFields):
     """Equality field by field, arrays included; fields declared `compare=False` do not count."""
 
     def __eq__(self, other: object) -> bool:

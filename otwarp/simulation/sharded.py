@@ -14,6 +14,7 @@ import warp as wp
 
 from otwarp.errors import InputError
 from otwarp.scene import Scene
+from otwarp.scene.keywords import known_keywords
 from otwarp.simulation.frame import Frame, capture_frame
 from otwarp.simulation.packing.arguments import whole
 from otwarp.simulation.packing.arrays import device_view
@@ -71,6 +72,7 @@ class Gathered:
 class GatheredControl(Gathered):
     """A `Control` of all shards: read like the others, written by `set`."""
 
+    @known_keywords
     def set(self, *, trap_position: Any = None, trap_power: Any = None, follow: Any = None) -> None:
         """Command traps of all worlds; arguments as for `Control.set`, and nothing is written unless all shards accept.
 

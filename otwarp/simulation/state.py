@@ -20,6 +20,7 @@ from otwarp.kernels.core.faults import FAULT_TEXT, Fault
 from otwarp.kernels.core.precision import precision_of, typed
 from otwarp.kernels.core.types import ControlData, ReadoutData, StateData
 from otwarp.kernels.optics.readout import TrapReadoutData
+from otwarp.scene.keywords import known_keywords
 from otwarp.simulation.model import Model
 from otwarp.simulation.packing.arrays import device_array, filled, host_type
 from otwarp.simulation.packing.parameters import expand
@@ -139,6 +140,7 @@ class Control(Bound):
             model=model,
         )
 
+    @known_keywords
     def set(
         self,
         *,

@@ -26,6 +26,8 @@ def test_what_is_described_is_what_there_is(capsys):
     assert main(["envs", "describe", "otwarp/Navigate-v0", "--json"]) == 0
     shown = json.loads(capsys.readouterr().out)
     assert [row["name"] for row in shown["rewards"]] == [t.name for t in task_of("otwarp/Navigate-v0").rewards]
+    ends = {row["name"]: row["meaning"] for row in shown["ends"]}
+    assert ends["reached"] == "A body is within 3 µm of the goal."
     assert main(["envs", "list"]) == 0
     assert all(name in capsys.readouterr().out for name in list(TASKS)[:1])
     assert main(["envs", "describe", "otwarp/Fly-v0"]) == 2
@@ -40,7 +42,7 @@ def test_of_ot_gym_its_own_numbers_and_choices_are_described(capsys):
     assert len(shown["observations"]) == env.observation_space.shape[0] and len(shown["actions"]) == env.action_space.n
     assert main(["envs", "describe", name]) == 0
     out = capsys.readouterr().out
-    assert "off_middle" in out and "4.95 µm" in out and "[pN]" in out and "velocity" not in out
+    assert "off_middle" in out and "4.95 µm" in out and "from 0.05 to 10 pN" in out and "velocity" not in out
 
 
 def test_options_of_a_task_are_given_by_name(capsys):

@@ -57,3 +57,22 @@ def test_what_is_no_stride_is_refused(actions, device):
     with pytest.raises(InputError, match="allowed"):
         envs.step(actions)
     envs.step(np.array([1, 9]))
+
+
+def test_of_one_environment_bad_strides_are_told_as_they_were_given(device):
+    one = gymnasium.make(NAME, device=device, disable_env_checker=True)
+    one.reset(seed=1)
+    with pytest.raises(InputError, match=r"an action is 99; allowed: 0 to 9"):
+        one.env.step(99)
+    with pytest.raises(InputError, match=r"shape \(9,\); allowed: one whole number"):
+        one.env.step(np.arange(9))
+
+
+def test_what_was_closed_goes_on_no_more(device):
+    for env, action in ((gymnasium.make(NAME, device=device), 1), (many(2, device), np.array([1, 1]))):
+        env.reset(seed=1)
+        env.close()
+        env.close()
+        for again in (env.reset, lambda env=env, action=action: env.step(action)):
+            with pytest.raises(gymnasium.error.ClosedEnvironmentError, match="was closed"):
+                again()

@@ -64,7 +64,7 @@ def risen(now: TaskNow, trap: int, tolerance: float, after: float) -> bool:
 
 
 def risen_now(now: TaskNow, trap: int, tolerance: float, after: float) -> float:
-    """1 in the period in which that is so."""
+    """1 in the period in which, later than `after` seconds, the height is within `tolerance` [µm] of the wanted one."""
     rise = held_place(now, trap)[2] - body_place(now, now.place.held_body[trap])[2]
     met = now.time >= after and wp.abs(rise - now.episode.goal[now.world][2]) <= tolerance
     return wp.where(met, 1.0, 0.0)
@@ -88,12 +88,12 @@ def held_with_little(now: TaskNow, duration: float, need: float, most: float) ->
 
 
 def thrift_now(now: TaskNow, duration: float, need: float, most: float) -> float:
-    """1 in the period in which that is so."""
+    """1 in the period in which it has been held for `duration` seconds, by at most `most` times the least power."""
     met = now.time >= duration - 0.5 * now.place.period and thrift_of(now, need) <= most
     return wp.where(met, 1.0, 0.0)
 
 
 def pressed(now: TaskNow, body: int, low: float, high: float) -> float:
-    """1 where the contact force on a body is in a band [pN], else -1."""
+    """1 where the contact force on a body is from `low` to `high` [pN], else -1."""
     load = now.readout.contact_load[now.world, body]
     return wp.where(load >= low and load <= high, 1.0, -1.0)

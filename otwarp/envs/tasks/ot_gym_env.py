@@ -39,7 +39,8 @@ class OTGym(gymnasium.Wrapper):
         Raises:
             InputError: No whole number from 0 to 9, or as `Env.step`.
         """
-        _check(np.asarray(action)[None], 1)
+        _check(np.asarray(action), ())
+        self.env.unwrapped.refuse_closed()  # type: ignore[attr-defined]
         if self.env.unwrapped.batch.done[0]:  # type: ignore[attr-defined]
             raise InputError("step of an episode that is over or has not begun; allowed: reset() first")
         columns, *rest = self.env.step(self._strides.velocities(np.array([action]))[0])
@@ -77,7 +78,8 @@ class OTGymVector(VectorWrapper):
             InputError: No whole numbers from 0 to 9, or as `VectorEnv.step`.
         """
         strides, mode = _host(actions), self.env.mode  # type: ignore[attr-defined]
-        _check(strides, self.num_envs)
+        _check(strides, (self.num_envs,))
+        self.env.unwrapped.refuse_closed()  # type: ignore[attr-defined]
         # what ended in the step before starts anew in this one, whatever is asked of it
         if mode is AutoresetMode.NEXT_STEP:
             self._strides.restart(self._over)
@@ -111,9 +113,11 @@ def _scale(env: Any) -> np.ndarray:
     return np.array([column.scale for column in env.unwrapped.batch.layout.seen])
 
 
-def _check(strides: np.ndarray, count: int) -> None:
+def _check(strides: np.ndarray, wanted: tuple[int, ...]) -> None:
     """Refuse what is no choice of each environment."""
-    if strides.shape != (count,) or strides.dtype.kind not in "iu":
-        raise InputError(f"actions are {strides.dtype} of shape {strides.shape}; allowed: whole numbers of ({count},)")
-    if np.any((strides < 0) | (strides >= CHOICES)):
-        raise InputError(f"an action is {strides.min()} to {strides.max()}; allowed: 0 to {CHOICES - 1}")
+    if strides.shape != wanted or strides.dtype.kind not in "iu":
+        allowed = f"whole numbers of shape {wanted}" if wanted else "one whole number"
+        raise InputError(f"action is {strides.dtype} of shape {strides.shape}; allowed: {allowed}")
+    outside = (strides < 0) | (strides >= CHOICES)
+    if np.any(outside):
+        raise InputError(f"an action is {strides[outside].flat[0]}; allowed: 0 to {CHOICES - 1}")

@@ -3,6 +3,7 @@
 | file | what it holds |
 |---|---|
 | `scene` | `check_scene`: each part by itself, then what parts say of each other |
+| `item` | `check_item`: one of them by itself, before it is written |
 | `fields` | values against the vocabulary's rows: types and ranges |
 | `numbers` | places, rotations and tracks |
 | `parts` | traps, bodies and obstacles |

@@ -60,15 +60,17 @@ def check_length(where: str, prim: str, name: str, value: Any, *, zero: bool = F
         raise bad(where, prim, name, repr(value), f"in {'[' if zero else '('}0, {FARTHEST:g}] µm")
 
 
-def check_track(where: str, prim: str, name: str, value: Any, width: int) -> None:
+def check_track(where: str, prim: str, name: str, given: Any, width: int) -> None:
     """Refuse what is no track of values of a width; a track's own numbers are judged when it is made."""
-    if not isinstance(value, Track) or value.values.shape[1] != width:
-        shown = f"samples of {value.values.shape[1]} numbers" if isinstance(value, Track) else _short(value)
-        raise bad(where, prim, name, shown, f"a Track of {width} number{'s' * (width > 1)} a sample")
+    if not isinstance(given, Track) or given.values.shape[1] != width:
+        shown = f"samples of {given.values.shape[1]} numbers" if isinstance(given, Track) else _short(given)
+        value = "(x, y, z)" if width == 3 else "(x, y, z, w)" if width == 4 else "value"
+        like = "" if isinstance(given, Track) else f", such as Track.constant({value})"
+        raise bad(where, prim, name, shown, f"a Track of {width} number{'s' * (width > 1)} a sample{like}")
     if name == "position":
-        check_places(where, [prim] * len(value.values), name, value.values)
+        check_places(where, [prim] * len(given.values), name, given.values)
     if name == "orientation":
-        check_turns(where, [prim] * len(value.values), name, value.values)
+        check_turns(where, [prim] * len(given.values), name, given.values)
 
 
 def _short(value: Any) -> str:

@@ -108,6 +108,10 @@ def check_bodies(where: str, bodies: Sequence[Body]) -> None:
 
 def _check_elements(where: str, body: Body, known: set[Any]) -> None:
     """Spheres and rods of a body; `known` holds what was judged."""
+    for name in ("spheres", "rods"):
+        if not isinstance(getattr(body, name), Sequence):
+            kind = "Sphere" if name == "spheres" else "Rod"
+            raise bad(where, body.name, name, f"a {type(getattr(body, name)).__name__}", f"a tuple of {kind}")
     if not body.spheres:
         raise bad(where, body.name, "spheres", "()", "at least one Sphere")
     for element in (*body.spheres, *body.rods):

@@ -51,11 +51,7 @@ def check_scene(
         InputError: One line that names prim, attribute, value and what is allowed.
     """
     _check_classes(where, locals())
-    check_fields(where, root, vocabulary.SCENE, medium=medium, settings=settings)
-    for name in ("duration", "frames_per_second"):
-        value = getattr(settings, name)
-        if not is_number(value) or not 0.0 < value < INFINITY:
-            raise bad(where, root, name, repr(value), "in (0, inf)")
+    check_settings(where, root, medium, settings)
     check_bodies(where, bodies)
     for trap in traps:
         check_trap(where, trap, medium)
@@ -64,7 +60,7 @@ def check_scene(
     check_names(where, traps, bodies, obstacles)
     check_holds(where, traps, bodies)
     if flow is not None:
-        _check_flow(where, flow)
+        check_flow(where, flow)
     check_period(where, root, settings, bodies, obstacles, flow)
     check_inlet(where, root, settings, bodies)
     check_overlaps(where, bodies, obstacles, overlap, settings.period)
@@ -72,6 +68,19 @@ def check_scene(
         check_fields(where, camera.prim, vocabulary.CAMERA, camera)
     if goal is not None:
         _check_goal(where, goal, bodies)
+
+
+def check_settings(where: str, root: str, medium: Medium, settings: Settings) -> None:
+    """Refuse a liquid or settings that no file could say.
+
+    Raises:
+        InputError: One line.
+    """
+    check_fields(where, root, vocabulary.SCENE, medium=medium, settings=settings)
+    for name in ("duration", "frames_per_second"):
+        value = getattr(settings, name)
+        if not is_number(value) or not 0.0 < value < INFINITY:
+            raise bad(where, root, name, repr(value), "in (0, inf)")
 
 
 _CLASSES: dict[str, type] = {
@@ -121,7 +130,12 @@ def check_holds(where: str, traps: Sequence[Trap], bodies: Sequence[Body]) -> No
             raise bad(where, trap.prim, "ot:trap:holds", trap.holds, "a sphere of a body that traps act on")
 
 
-def _check_flow(where: str, flow: Flow) -> None:
+def check_flow(where: str, flow: Flow) -> None:
+    """Refuse a flow that no file could say.
+
+    Raises:
+        InputError: One line.
+    """
     check_fields(where, flow.prim, vocabulary.FLOW, flow)
     check_places(where, [flow.prim], "origin", check_numbers(where, flow.prim, "origin", flow.origin, (3,))[None])
     turn = check_numbers(where, flow.prim, "orientation", flow.orientation, (4,))

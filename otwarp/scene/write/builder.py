@@ -16,6 +16,8 @@ from otwarp.scene.appearance import palette
 from otwarp.scene.appearance.lights import define_distant, define_dome
 from otwarp.scene.appearance.materials import Materials, author_extent, draw_beam
 from otwarp.scene.appearance.palette import Color
+from otwarp.scene.check.item import Item, check_item
+from otwarp.scene.check.scene import check_settings
 from otwarp.scene.description import Body, Camera, Flow, Goal, Medium, Obstacle, Rod, Settings, Trap
 from otwarp.scene.read.load import read_stage
 from otwarp.scene.scene import Scene
@@ -30,7 +32,6 @@ from otwarp.scene.write.poses import DIGITS, author_pose, author_tracks, rounded
 
 register()
 
-Item = Trap | Body | Obstacle | Flow | Camera | Goal
 _FOCAL_LENGTH = 50.0
 _LAW_UNITS = {"length_unit": 1e-6, "force_unit": 1e-12}
 
@@ -43,11 +44,15 @@ class SceneBuilder(Pieces):
         medium: The liquid.
         settings: How the scene is to be stepped; its duration and frame rate become the stage's time codes, one per
             frame.
+
+    Raises:
+        InputError: A liquid or settings that no file could say.
     """
 
     def __init__(self, *, root: str = "/World", medium: Medium | None = None, settings: Settings | None = None):
         medium, settings = medium or Medium(), settings or Settings()
-        self.root, self._rate, self._robots = root, settings.frames_per_second, 0
+        check_settings("SceneBuilder", root, medium, settings)
+        self.root, self._medium, self._rate, self._robots = root, medium, settings.frames_per_second, 0
         self._stage = Usd.Stage.CreateInMemory("scene.usda")
         self._materials = Materials(self._stage, root)
         world = UsdGeom.Xform.Define(self._stage, root).GetPrim()
@@ -80,6 +85,7 @@ class SceneBuilder(Pieces):
         Raises:
             InputError: The path is taken or not below the root, or the item cannot be said in USD.
         """
+        check_item("SceneBuilder", item, self._medium)
         self._check_path(item.prim, taken=isinstance(item, Camera) or item.prim == self.root)
         default_color, default_opacity = palette.look_of(item, self._robots)
         color = default_color if color is None else color

@@ -11,6 +11,7 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.scene.appearance.palette import Color
+from otwarp.scene.check.numbers import check_numbers
 from otwarp.scene.description import IDENTITY, Body, Material, Quat, Sphere, Trap
 from otwarp.scene.track import Track
 from otwarp.scene.transforms import rotate
@@ -116,10 +117,14 @@ class Pieces:
                     f"SceneBuilder: {prim}: handles = {k}: must be numbers of spheres, 0 to {len(places) - 1}"
                 )
         spheres = tuple(
-            Sphere(prim=f"{prim}/sphere_{k}", offset=_vector(c), radius=float(r), trapped=k in set(held))
+            Sphere(
+                prim=f"{prim}/sphere_{k}", offset=_vector(prim, "centres", c), radius=float(r), trapped=k in set(held)
+            )
             for k, (c, r) in enumerate(zip(places, sizes, strict=True))
         )
-        robot = Body(prim=prim, position=_vector(position), orientation=orientation, spheres=spheres, **body)
+        robot = Body(
+            prim=prim, position=_vector(prim, "position", position), orientation=orientation, spheres=spheres, **body
+        )
         self.add(robot, color=color)
         return tuple(self._trap_on(robot, k, power, path, trap) for k in held if power > 0.0)
 
@@ -166,11 +171,11 @@ class Pieces:
         Raises:
             InputError: The path is taken.
         """
-        sphere = Sphere(prim=prim, radius=float(radius), refractive_index=index, trapped=False)
+        sphere = Sphere(prim=prim, radius=radius, refractive_index=index, trapped=False)
         cell = Body(
             prim=prim,
             kind="cell",
-            position=_vector(position),
+            position=_vector(prim, "position", position),
             spheres=(sphere,),
             material=material,
             density=density,
@@ -179,7 +184,7 @@ class Pieces:
         return self.add(cell, color=color)
 
 
-def _vector(values: Sequence[float] | np.ndarray) -> tuple[float, float, float]:
+def _vector(prim: str, name: str, values: Sequence[float] | np.ndarray) -> tuple[float, float, float]:
     """Three plain floats."""
-    x, y, z = (float(v) for v in values)
+    x, y, z = check_numbers("SceneBuilder", prim, name, values, (3,)).tolist()
     return x, y, z

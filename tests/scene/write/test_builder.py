@@ -291,7 +291,10 @@ def robot_with(**fields: object) -> Body:
         (lambda b: b.add(robot_with(kind="cell", prim="/World/C")), "must be cell, with one centred colliding sphere"),
         (lambda b: b.add(robot_with(material=Material(adhesion=1.0))), "adhesion = 1: must be 0 for a robot"),
         (lambda b: b.add_cells("/World/C", ROBOT, [[0, 0, 0]]), "kind = robot: must be cell"),
-        (lambda b: b.add(dataclasses.replace(OBSTACLES[0], shape="torus")), "shape = torus: must be one of plane, box"),
+        (
+            lambda b: b.add(dataclasses.replace(OBSTACLES[0], shape="torus")),
+            "shape = 'torus': must be one of plane, box",
+        ),
         (lambda b: b.add(dataclasses.replace(FLOW, prim="/World")), "must be 0 on the default prim"),
         (lambda b: b.add_view("/World/V", (0, 0, 1), (0, 0, 1)), "must differ from target"),
         (lambda b: b.add_light("/World/L", kind="laser"), "kind = laser: must be one of distant, dome"),
@@ -307,8 +310,8 @@ def test_what_cannot_be_authored(add, expected: str) -> None:
 
 def test_nothing_is_saved_of_a_bad_scene(tmp_path: Path) -> None:
     builder = SceneBuilder()
-    builder.add(dataclasses.replace(STILL_TRAP, numerical_aperture=1.5))
-    with pytest.raises(InputError, match=r"SceneBuilder: /World/Traps/Right: ot:trap:numericalAperture = 1.5: must be"):
+    builder.add(dataclasses.replace(STILL_TRAP, holds="/World/Nothing"))
+    with pytest.raises(InputError, match=r"SceneBuilder: /World/Traps/Right: ot:trap:holds = /World/Nothing: must be"):
         builder.save(tmp_path / "scene.usda")
     assert list(tmp_path.iterdir()) == []
 
@@ -319,3 +322,23 @@ def test_files_that_cannot_be_written(tmp_path: Path) -> None:
         with pytest.raises(InputError, match=f"^{path}: .*must be"):
             builder.save(path)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("add", "expected"),
+    [
+        (lambda b: b.add(Trap(prim="/World/T", position=(0, 0, 5), power=5.0)), "position = (0, 0, 5) (a tuple)"),  # type: ignore[arg-type]
+        (lambda b: b.add(Trap(prim="/World/T", position=UPRIGHT, power=STILL_TRAP.power)), "4 numbers"),
+        (lambda b: b.add(dataclasses.replace(ROBOT, position=(0, 5))), "/World/Robot: position = (0, 5)"),
+        (lambda b: b.add(dataclasses.replace(CELL, spheres=(Sphere(prim="/World/Cell", radius="1"),))), "radius = '1'"),  # type: ignore[arg-type]
+        (lambda b: b.add(dataclasses.replace(CELL, spheres=CELL.spheres[0])), "spheres = a Sphere"),
+        (lambda b: b.add_cell("/World/C", (0.0, 5.0), 1.0), "/World/C: position = (0.0, 5.0)"),
+        (lambda b: b.add(3), "item = 3 (of class int): must be one of Trap, Body"),
+        (lambda b: SceneBuilder(settings=Settings(duration=-1)), "duration = -1: must be in (0, inf)"),
+        (lambda b: Sphere(prim="/World/S", radius=1.0, index=1.5), "Sphere: index is unknown; did you mean refrac"),  # type: ignore[call-arg]
+    ],
+)  # fmt: skip
+def test_a_slip_is_one_line_where_it_is_made(add, expected: str) -> None:
+    with pytest.raises(InputError) as caught:
+        add(SceneBuilder())
+    assert expected in str(caught.value) and "\n" not in str(caught.value)
