@@ -27,10 +27,10 @@ ALLOWED: dict[str, set[str]] = {
     "operators": ROOT | {"device", "kernels", "haptics", "scene", "simulation", "studies", "teleop"},
     "envs": ROOT | {"device", "kernels", "perception", "preview", "scene", "simulation", "studies", "teleop"},
     "ros": ROOT | {"teleop", "haptics", "scene"},
-    "preview": ROOT | {"device", "scene"},
+    "preview": ROOT | {"device", "scene", "record"},
     "studies": ROOT | {"device", "kernels", "scene", "simulation"},
-    "analysis": ROOT | {"studies"},
-    "vision": ROOT | {"device", "scene", "optics", "simulation"},
+    "analysis": ROOT | {"studies", "record"},
+    "vision": ROOT | {"device", "scene", "optics", "simulation", "record"},
     "reproduce": ROOT
     | {"device", "scene", "optics", "simulation", "haptics", "record", "ros", "studies", "vision", "bench"}
     | {"operators"},

@@ -11,6 +11,7 @@ import numpy as np
 
 from otwarp.analysis.tracks import xarray
 from otwarp.errors import InputError
+from otwarp.record.folder import check_run
 
 RUN = "run.nc"
 
@@ -19,11 +20,15 @@ def open_run(path: str | Path) -> Any:
     """The netCDF file of a recorded run, or of the folder that holds it, as a Dataset.
 
     Raises:
-        InputError: It is none.
+        InputError: It is none, or was cut off.
+
+    Warns:
+        PlausibilityWarning: The run ended early.
     """
     file = Path(path) / RUN if Path(path).is_dir() else Path(path)
     if not file.is_file():
         raise InputError(f"{file}: file = missing; allowed: the folder of a recorded run, or its {RUN}")
+    check_run(file)
     try:
         run = xarray().open_dataset(file, engine="netcdf4")
     except (OSError, ValueError) as error:

@@ -79,7 +79,7 @@ def run(
     loaded = _load(scene, duration, trap_speed)
     folder = out or Path("out") / scene.stem
     stop.begin()
-    with _progress_bar(loaded.settings.duration) as progress:
+    with _kept(folder), _progress_bar(loaded.settings.duration) as progress:
         summary = record_run(
             loaded,
             folder,
@@ -98,6 +98,25 @@ def run(
         click.echo(json_text(summary))
     else:
         _print(summary, folder)
+
+
+@contextmanager
+def _kept(folder: Path) -> Iterator[None]:
+    """Say what is kept of a run that is interrupted."""
+    from otwarp.record.folder import SUMMARY, early_end
+
+    def when() -> int | None:
+        """When the summary was last written [ns]."""
+        return file.stat().st_mtime_ns if file.exists() else None
+
+    file = folder / SUMMARY
+    before = when()
+    try:
+        yield
+    except KeyboardInterrupt:
+        if when() != before and (said := early_end(folder)):
+            click.echo(f"otwarp: {said}; its files are whole", err=True)
+        raise
 
 
 def _load(file: Path, duration: float | None, trap_speed: float) -> Scene:

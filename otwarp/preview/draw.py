@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -11,15 +12,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from otwarp.errors import InputError
+from otwarp.errors import InputError, PlausibilityWarning
 from otwarp.files import check_place
 from otwarp.preview.annotate import annotate
 from otwarp.preview.image import save_movie, save_png
 from otwarp.preview.render import render
 from otwarp.preview.studio import PictureStyle
 from otwarp.preview.video import CODECS, check_video, save_video
+from otwarp.record.folder import SUMMARY, warn_early
 from otwarp.scene.appearance.missing import with_missing_looks
-from otwarp.scene.drawing.drawables import read_drawables
+from otwarp.scene.drawing.drawables import has_purpose, read_drawables
 from otwarp.scene.drawing.files import stage_file
 from otwarp.scene.read.source import open_stage
 
@@ -91,6 +93,15 @@ def movie_codes(film: Film, fps: float, most: int) -> list[float]:
     return [film.start + step * k for k in range(int((film.count - 1) / step + 1e-9) + 1)]
 
 
+def _warn(path: Path, film: Film, forces: bool) -> None:
+    """Warn of a run that ended early, and of arrows that are wanted but were not recorded."""
+    if path.is_dir() or path.with_name(SUMMARY).is_file():
+        warn_early(path if path.is_dir() else path.parent)
+    if forces and not has_purpose(film.stage, "guide"):
+        text = "no arrows recorded, so none are drawn: run it again with --forces"
+        warnings.warn(f"{film.name}: {text}", PlausibilityWarning, stacklevel=3)
+
+
 def _frames(
     codes: list[float], picture: Callable[[float], np.ndarray], progress: Callable[[int, int], None] | None
 ) -> Iterator[np.ndarray]:
@@ -151,6 +162,9 @@ def preview(
 
     Raises:
         InputError: Anything in the arguments or files that cannot be accepted, in one line.
+
+    Warns:
+        PlausibilityWarning: The run ended early, or no arrows were recorded.
     """
     if out is None and movie is None:
         raise InputError("preview: neither a picture (-o FILE.png) nor a movie (--movie FILE.gif) was asked for")
@@ -158,6 +172,7 @@ def preview(
         name, value = ("frame", f"{frame}") if frame is not None else ("time", f"{time:g} s")
         raise InputError(f"preview: {name} = {value} with a movie, which shows the whole run; allowed: with a picture")
     film = open_film(path)
+    _warn(Path(path), film, forces)
     for target, suffixes in ((out, (".png",)), (movie, (".gif", *CODECS))):
         if target is not None:
             _check_file(Path(target), suffixes)

@@ -13,6 +13,7 @@ Frames of a simulation come in (`otwarp.simulation.frame`), the files of a run g
 | `netcdf`, `netcdf4_internals` | `run.nc`; what it needs of the library beyond its promises |
 | `monitor`, `statistics` | whether the task succeeded, and running means |
 | `summary` | `summary.json` |
+| `folder` | what is found in a folder: whether a run is whole, ended early, or would be replaced |
 | `read`, `figure`, `footprint` | `run.nc` read back for `figure.png`; outlines of obstacles from above |
 
 `run.usda` is written by `otwarp.scene.recording`, where USD is known.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import shutil
 import time as clock
 from collections.abc import Mapping, Sequence
@@ -13,6 +14,7 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.files import check_place
+from otwarp.record.folder import earlier_run
 from otwarp.record.method import Method
 from otwarp.record.monitor import Monitor
 from otwarp.record.netcdf import LARGEST_RECORD, NetcdfRecording, check_size
@@ -22,6 +24,8 @@ from otwarp.simulation.frame import Frame
 
 FILES = ("run.usda", "trajectory.usdc", "trajectory", "run.nc", "summary.json", "figure.png")
 """What a run leaves in its folder (`trajectory/` only while it goes on); nothing else there is ever touched."""
+
+LOG = logging.getLogger("otwarp.record")
 
 REFRESH = 2.0
 """Wall time between two updates of `summary.json` [s]."""
@@ -232,6 +236,8 @@ class Recorder:
         self._made = [f for f in (self.folder, *self.folder.parents) if not f.exists()]
         self._begun = True
         self.folder.mkdir(parents=True, exist_ok=True)
+        if was := earlier_run(self.folder):
+            LOG.info("%s: replaces an earlier run (%s)", self.folder, was)
         _remove_run(self.folder)
         self._started = self._refreshed = clock.perf_counter()
         self._first_time = frame.time
@@ -261,6 +267,7 @@ class Recorder:
             "steps": self._last.step,
             "frames": self._frames,
             "duration_s": self._last.time - self._first_time,
+            "asked_s": self.scene.settings.duration - self._first_time,
             "wall_time_s": clock.perf_counter() - self._started,
             "warnings": self._warnings,
         }

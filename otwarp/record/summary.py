@@ -116,7 +116,7 @@ def summarize(scene: Scene, monitor: Monitor, facts: dict[str, Any]) -> dict[str
         scene: What was run.
         monitor: What it saw.
         facts: `status`, `worlds`, `recorded_worlds`, `seed`, `time_step_s`, `time_step_errors`, `method`, `steps`,
-            `frames`, `duration_s`, `wall_time_s` and `warnings` so far.
+            `frames`, `duration_s`, `asked_s`, `wall_time_s` and `warnings` so far.
 
     Returns:
         What goes to `summary.json`; `text` is the same for people, in a few lines.
@@ -129,7 +129,7 @@ def summarize(scene: Scene, monitor: Monitor, facts: dict[str, Any]) -> dict[str
         "scene": scene_name(scene),
         "otwarp_version": __version__,
         **{k: facts[k] for k in ("worlds", "recorded_worlds", "seed", "time_step_s", "time_step_errors", "method")},
-        **{k: facts[k] for k in ("steps", "frames", "duration_s")},
+        **{k: facts[k] for k in ("steps", "frames", "duration_s", "asked_s")},
         "wall_time_s": wall,
         "real_time_factor": facts["duration_s"] / wall if wall > 0.0 else None,
         "task": task(monitor, facts["worlds"]),

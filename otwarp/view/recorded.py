@@ -7,14 +7,13 @@ The numbers are those of `run.nc`, mapped into memory and never read as a whole;
 from __future__ import annotations
 
 import json
-import traceback
-import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.record.folder import ALLOWED, mapped, warn_early
 from otwarp.record.netcdf import QUANTITIES
 from otwarp.scene import Scene
 from otwarp.simulation.frame import SHAPES
@@ -23,7 +22,6 @@ from otwarp.view.source import Moments, page_frame
 
 NUMBERS, STAGE = "run.nc", "run.usda"
 """Files of a run."""
-ALLOWED = "allowed: the folder, run.usda or run.nc of a run that otwarp has recorded"
 
 
 class RecordedRun:
@@ -140,24 +138,9 @@ def _files(path: Path) -> tuple[Path, Path]:
 
 def _mapped(file: Path) -> Any:
     """A run's numbers, mapped into memory."""
-    from scipy.io import netcdf_file
-
-    raw = file.open("rb")
-    try:
-        if raw.read(3) != b"CDF":
-            raise InputError(f"{file}: is no netCDF-3 file; {ALLOWED}")
-        raw.seek(0)
-        data = netcdf_file(raw, mmap=True)
-    except (ValueError, IndexError, TypeError, AssertionError) as error:
-        raw.close()
-        if isinstance(error, InputError):
-            raise
-        why = str(error)
-        with warnings.catch_warnings():  # what was mapped so far complains when it goes
-            warnings.simplefilter("ignore", RuntimeWarning)
-            traceback.clear_frames(error.__traceback__)
-        raise InputError(f"{file}: was cut off, or is no netCDF file ({why}); allowed: a whole copy") from None
+    data = mapped(file)
     _check_version(data, file)
+    warn_early(file.parent)
     return data
 
 

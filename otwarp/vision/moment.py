@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.record.folder import check_run
 from otwarp.scene import Scene
 from otwarp.simulation.simulation import Simulation
 from otwarp.vision.replay import Replay, exposed
@@ -89,8 +90,7 @@ def _recorded(
     import netCDF4
 
     file = folder / "run.nc"
-    if not file.is_file():
-        raise InputError(f"{folder}: holds no run.nc; allowed: a scene, or the folder of a recorded run")
+    check_run(file)
     scene = Scene.load(folder / "run.usda")
     check_body(scene, center)
     with _opened(netCDF4, file) as data:

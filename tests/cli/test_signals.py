@@ -64,7 +64,8 @@ def test_a_signal_finishes_the_files_and_is_one_line(
         signal.signal(signal.SIGINT, interrupts)
     assert signal.getsignal(signal.SIGTERM) == before
     told = [line for line in capfd.readouterr().err.splitlines() if "compil" not in line]
-    assert told == [f"otwarp: {word}"]
+    kept = f"otwarp: {tmp_path / 'out'}: the run ended early, after 0.03279 of 1 s ({word}); its files are whole"
+    assert told == [kept, f"otwarp: {word}"]
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert (summary["status"], summary["frames"]) == (f"stopped: {word}", 3)
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [

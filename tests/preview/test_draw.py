@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from otwarp.errors import InputError
+from otwarp.errors import InputError, PlausibilityWarning
 from otwarp.preview.annotate import _font, annotate, length_text, scale_bar
 from otwarp.preview.draw import preview
 from otwarp.preview.image import save_movie, save_png
@@ -167,6 +167,11 @@ def test_bad_paths(run, tmp_path):
         preview(run, tmp_path / "none" / "a.png", **SMALL)
     with pytest.raises(InputError, match="neither"):
         preview(run)
+
+
+def test_arrows_that_were_not_recorded_are_said(run, tmp_path):
+    with pytest.warns(PlausibilityWarning, match=r"no arrows recorded.*--forces"):
+        preview(run, tmp_path / "a.png", forces=True, **SMALL)
 
 
 @pytest.mark.parametrize(("out", "movie"), [("p.jpg", None), ("p", None), (None, "p.avi"), ("p.png", "p.png")])

@@ -40,6 +40,12 @@ def _assemble(walk: Walk, batches: list[Batch]) -> dict[str, np.ndarray]:
     return {name: values[solid & np.isfinite(transform).all(axis=(1, 2))] for name, values in arrays.items()}
 
 
+def has_purpose(stage: Usd.Stage, purpose: str) -> bool:
+    """Whether anything on a stage has a UsdGeom purpose, such as `guide`, at whatever time and visible or not."""
+    shapes = (UsdGeom.Imageable(prim) for prim in stage.Traverse())
+    return any(shape and shape.ComputePurpose() == purpose for shape in shapes)
+
+
 def read_drawables(
     stage_or_path: Usd.Stage | str | Path,
     time_code: float | None = None,

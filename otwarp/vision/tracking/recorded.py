@@ -12,6 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.record.folder import check_run
 from otwarp.scene import Camera, Scene
 from otwarp.scene.transforms import conjugate, rotate, rotation_matrix
 from otwarp.simulation.packing.bodies import mobilities
@@ -99,8 +100,7 @@ class RecordedBody:
                 frame.
         """
         file = Path(folder) / "run.nc"
-        if not file.is_file():
-            raise InputError(f"{folder}: holds no run.nc; allowed: the folder of a recorded run")
+        check_run(file)
         scene = Scene.load(Path(folder) / "run.usda")
         found, shutter = camera_of(scene).prim, camera_of(scene).exposure if exposure is None else exposure
         if camera is not None and camera not in (found, found.rsplit("/", 1)[-1]):
