@@ -8,6 +8,8 @@ from typing import Any
 
 import click
 
+from otwarp.errors import nearest
+
 
 class LazyGroup(click.Group):
     """A group that knows its commands by name.
@@ -32,6 +34,18 @@ class LazyGroup(click.Group):
             return None
         name = cmd_name + "_" * keyword.iskeyword(cmd_name)
         return getattr(importlib.import_module(f"{self._package}.{name}"), name)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command; of an unknown one the nearest is named.
+
+        Raises:
+            click.UsageError: There is none of that name.
+        """
+        if args and not args[0].startswith("-") and args[0] not in self._rows:
+            ctx.fail(f"No such command {args[0]!r}{nearest(args[0], list(self._rows), shown=len(self._rows))}")
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the list of commands without importing any."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from otwarp.errors import InputError
+from otwarp.errors import InputError, nearest
 
 ENDINGS = {"scenes": ".usda", "studies": ".toml", "vision": ".toml"}
 """Kinds of shipped files: their folder, and their ending."""
@@ -89,6 +89,13 @@ def shipped(kind: str, name: str) -> Path:
     if file is None:
         raise InputError(f"{name}: is none of the shipped {kind}; allowed: {', '.join(names(kind))}")
     return file
+
+
+def hint(kind: str, said: str | Path) -> str:
+    """What ends the message about a name that is neither a file nor shipped: the nearest name, and how to list all."""
+    near = nearest(Path(said).stem, names(kind))
+    listed = "`otwarp scenes list` names all of them"
+    return f"{near} {listed}" if near.startswith("; did") else f"; {listed}"
 
 
 def about(kind: str, name: str) -> str:

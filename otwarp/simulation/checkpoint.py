@@ -148,7 +148,8 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     except InputError:
         raise
     except OSError as error:
-        raise InputError(f"checkpoint {path} cannot be read: {error.strerror or error}") from error
+        allowed = "allowed: a file that `otwarp run --checkpoint` or `Simulation.save` wrote"
+        raise InputError(f"checkpoint {path} cannot be read: {error.strerror or error}; {allowed}") from error
     except (BadZipFile, ValueError, KeyError, TypeError, EOFError, NotImplementedError, zlib.error) as error:
         raise InputError(f"{path} is not a readable otwarp checkpoint: {' '.join(str(error).split())}") from error
     return about, stored

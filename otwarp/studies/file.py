@@ -64,7 +64,9 @@ def load_study(file: str | Path, *, scene: Path | None = None, sources: Path | N
         text = path.read_text(encoding="utf-8")
         said = tomllib.loads(text)
     except FileNotFoundError:
-        raise InputError(f"{path}: there is no such file; allowed: a study in TOML") from None
+        raise InputError(
+            f"{path}: there is no such file; allowed: a study in TOML{shipped.hint('studies', path)}"
+        ) from None
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"{path}: cannot be read: {error}") from None
     try:

@@ -189,8 +189,23 @@ def test_a_full_disk_or_memory_is_one_line(
 
 
 def test_unknown_command_is_one_line(capfd: pytest.CaptureFixture[str]) -> None:
-    assert main(["levitate"]) == 2
-    assert capfd.readouterr().err == "otwarp: No such command 'levitate'.\n"
+    assert main(["fly"]) == 2
+    said = capfd.readouterr().err
+    assert said.startswith("otwarp: No such command 'fly'; allowed: run, info, ") and said.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        (["runn"], "No such command 'runn'; did you mean run?"),
+        (["run", "single_bed"], "did you mean single_bead? `otwarp scenes list` names all of them"),
+        (["run", "single_bead", "--resume", "nope.npz"], "cannot be read: No such file or directory; allowed: a file"),
+        (["forces", "--radius", "1", "--table", "--index", "nan"], "--index is nan; allowed: real part above 0"),
+    ],
+)
+def test_slips_name_what_was_meant(typed: list[str], said: str, capfd: pytest.CaptureFixture[str]) -> None:
+    assert main(typed) == 2
+    assert said in capfd.readouterr().err
 
 
 def test_validate_refuses_with_exit_code_2(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

@@ -31,7 +31,7 @@ def test_haptics_without_a_command_prints_its_help(capfd: pytest.CaptureFixture[
     assert error == ""
     assert out.startswith("Usage: otwarp haptics [OPTIONS] [COMMAND]") and "\n  check " in out and "\n  replay " in out
     assert main(["haptics", "chekc"]) == 2
-    assert capfd.readouterr() == ("", "otwarp: No such command 'chekc'.\n")
+    assert capfd.readouterr() == ("", "otwarp: No such command 'chekc'; did you mean check?\n")
 
 
 @pytest.mark.parametrize(

@@ -123,8 +123,9 @@ def _index(text: str) -> complex:
         value = complex(text.replace("i", "j"))
     except ValueError as error:
         raise InputError(f"--index is {text!r}; allowed: a number such as 1.59 or 1.5+0.01i") from error
-    if not abs(value) <= LARGEST_INDEX:
-        raise InputError(f"--index is {text}; allowed: up to {LARGEST_INDEX:g}")
+    if not (value.real > 0.0 and value.imag >= 0.0 and abs(value) <= LARGEST_INDEX):
+        raise InputError(f"--index is {text}; allowed: real part above 0, imaginary part 0 or more, "
+                         f"and a modulus up to {LARGEST_INDEX:g}")  # fmt: skip
     return value
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from otwarp.errors import nearest
 from otwarp.scene import vocabulary
 from otwarp.scene.check.fields import check_fields, is_number
 from otwarp.scene.check.inlet import check_inlet
@@ -127,7 +128,8 @@ def check_holds(where: str, traps: Sequence[Trap], bodies: Sequence[Body]) -> No
     spheres = {sphere.prim for body in bodies if body.instance is None for sphere in body.spheres if sphere.trapped}
     for trap in traps:
         if trap.holds is not None and trap.holds not in spheres:
-            raise bad(where, trap.prim, "ot:trap:holds", trap.holds, "a sphere of a body that traps act on")
+            allowed = f"a sphere of a body that traps act on{nearest(str(trap.holds), sorted(spheres))}"
+            raise bad(where, trap.prim, "ot:trap:holds", trap.holds, allowed)
 
 
 def check_flow(where: str, flow: Flow) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
+from otwarp import shipped
 from otwarp.errors import InputError
 from otwarp.scene.check.numbers import FARTHEST
 from otwarp.scene.description import Track
@@ -36,7 +37,8 @@ def open_stage(path: Path) -> Usd.Stage:
     if path.is_dir():
         raise InputError(f"{path}: file = a folder: {allowed}")
     if not path.is_file():
-        raise InputError(f"{path}: there is no such file; a scene {allowed}, or the name of a shipped one")
+        hint = shipped.hint("scenes", path)
+        raise InputError(f"{path}: there is no such file; a scene {allowed}, or the name of a shipped one{hint}")
     if not path.suffix or Sdf.FileFormat.FindByExtension(path.suffix.removeprefix(".")) is None:
         raise InputError(f"{path}: suffix = {path.suffix or '(none)'}: {allowed}")
     check_crate(path, allowed)

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from otwarp.errors import InputError
+from otwarp.errors import InputError, nearest
 from otwarp.studies.axes import Dimension, spoken
 from otwarp.studies.stopping.contour import contour
 from otwarp.studies.stopping.rules import Stop, budget, half_width, trials
@@ -185,10 +185,13 @@ def stop_of(given: Mapping[str, Any]) -> Stop:
         InputError: Anything else.
     """
     named = next((kind for kind in ("largest", "contour", "half_width", "trials", "budget") if kind in given), None)
-    if named is None:
-        raise InputError(f"stop has {', '.join(sorted(given)) or 'nothing'}; allowed: one of {', '.join(SAID)}")
-    rest = {key: value for key, value in given.items() if key != named}
     how = ("level", "method", "at_least", "at_most", "of")
+    if named is None:
+        strange = next((key for key in given if key not in (*how, "along")), None)
+        if strange is not None:
+            raise InputError(f"stop has {strange}{nearest(strange, list(SAID))}")
+        raise InputError(f"stop has no rule; allowed: one of {', '.join(SAID)}")
+    rest = {key: value for key, value in given.items() if key != named}
     allowed = {
         "trials": ("level",),
         "half_width": (*how, "budget"),
@@ -197,6 +200,8 @@ def stop_of(given: Mapping[str, Any]) -> Stop:
         "budget": how,
     }[named]
     wrong = next((key for key in rest if key not in allowed), None)
+    if wrong is not None and (near := nearest(wrong, allowed)).startswith("; did"):
+        raise InputError(f"stop with {named} has {wrong}{near}")
     if wrong is not None or (named == "largest" and "along" not in rest):
         raise InputError(f"stop with {named} has {wrong or 'no along'}; allowed beside it: {', '.join(allowed)}")
     try:

@@ -124,7 +124,8 @@ def load_spec(file: str | Path) -> Spec:
         text = path.read_text(encoding="utf-8")
         said = tomllib.loads(text)
     except FileNotFoundError:
-        raise InputError(f"{path}: there is no such file; allowed: a data set in TOML") from None
+        hint = shipped.hint("vision", path)
+        raise InputError(f"{path}: there is no such file; allowed: a data set in TOML{hint}") from None
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"{path}: cannot be read: {error}") from None
     try:

@@ -316,6 +316,14 @@ def test_nothing_is_saved_of_a_bad_scene(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_trap_that_holds_a_misspelt_sphere_names_the_nearest() -> None:
+    builder = SceneBuilder()
+    (trap,) = builder.add_robot("/World/Robot", [(0.0, 0.0, 5.0)], 1.0, power=5.0)
+    builder.stage.GetPrimAtPath(trap.prim).GetRelationship("ot:trap:holds").SetTargets(["/World/Robot/spere_0"])
+    with pytest.raises(InputError, match=r"did you mean /World/Robot/sphere_0"):
+        builder.scene().check()
+
+
 def test_files_that_cannot_be_written(tmp_path: Path) -> None:
     builder = SceneBuilder()
     for path in (tmp_path / "scene.txt", tmp_path / "none" / "scene.usda"):

@@ -176,6 +176,9 @@ def test_plan_and_files(scene, tmp_path, capsys):
         (lambda scene: study_of(scene, budget(-1)), "budget is -1; allowed: a whole number"),
         (lambda scene: stop_of({"largest": 0.9, "along": "x", "budget": 10}), "largest has budget"),
         (lambda scene: stop_of({"trials": 9, "budget": 10}), "trials has budget"),
+        (lambda scene: stop_of({"halfwidth": 0.1, "level": 0.9}), "stop has halfwidth; did you mean half_width"),
+        (lambda scene: stop_of({"half_width": 0.1, "atmost": 9}), "half_width has atmost; did you mean at_most"),
+        (lambda scene: stop_of({"level": 0.9}), "stop has no rule; allowed: one of trials"),
         (
             lambda scene: Study(scene, observables=[first_passage()], horizon=0.1, stop=budget(100)),
             "budget needs a probability",
