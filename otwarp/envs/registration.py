@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import inspect
 from importlib import import_module
@@ -22,6 +23,13 @@ TASKS = {
     "otwarp/CellDeliveryOTGym-v0": "ot_gym",
 }
 """Name of an environment → file of `otwarp.envs.tasks`, whose function `task` makes its task."""
+
+
+def about(name: str) -> str:
+    """What is to be done in a shipped environment, in one sentence: read from its file, which is not run."""
+    said = ast.get_docstring(ast.parse((Path(__file__).parent / "tasks" / f"{TASKS[name]}.py").read_text("utf-8")))
+    first = " ".join((said or "").split("\n\n")[0].split()).split(": ", 1)[-1]
+    return first[:1].upper() + first[1:]
 
 
 def task_of(name: str, **changes: Any) -> Task:

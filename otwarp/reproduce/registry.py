@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from importlib import import_module
 
 from otwarp.errors import InputError
-from otwarp.reproduce.item import Item
-from otwarp.reproduce.items import (
-    chain,
-    contract,
-    delivery,
-    force_curves,
-    networks,
-    rendering,
-    setup,
-    strategy_a,
-    strategy_b,
-    user_study,
-)
+from otwarp.reproduce.item import Item, Request, Result
+
+
+def run_of(name: str) -> Callable[[Request], Result]:
+    """What computes an item: the function `run` of its file, which is loaded when it is called."""
+
+    def run(request: Request) -> Result:
+        """Compute it."""
+        return import_module(f"otwarp.reproduce.items.{name}").run(request)
+
+    return run
+
 
 ITEMS: dict[str, Item] = {
     item.name: item
@@ -27,67 +27,67 @@ ITEMS: dict[str, Item] = {
             name="setup",
             title="The setup",
             about="parameters: theirs with their grades, ours",
-            run=setup.run,
+            run=run_of("setup"),
             scenes=("strategy_a", "strategy_b", "cell_delivery"),
         ),
         Item(
             name="force_curves",
             title="Force curves and their fits",
             about="eq. 1 with the release's constants, beside fits of exact forces, axial and radial",
-            run=force_curves.run,
+            run=run_of("force_curves"),
         ),
         Item(
             name="strategy_a",
             title="Motion fidelity, strategy A",
             about="tilt θ against trap spacing d*, two equal traps; RMSE 3.31°, MAE 2.71°",
-            run=strategy_a.run,
+            run=run_of("strategy_a"),
             scenes=("strategy_a",),
         ),
         Item(
             name="strategy_b",
             title="Motion fidelity, strategy B",
             about="tilt θ against trap spacing d* at power distribution m = 1.5; RMSE 1.54°, MAE 1.29°",
-            run=strategy_b.run,
+            run=run_of("strategy_b"),
             scenes=("strategy_b",),
         ),
         Item(
             name="rendering",
             title="Accuracy of the rendered force",
             about="rendered against model force, axial and radial: MSE, RMSE, R² 0.9525 and 0.9268",
-            run=rendering.run,
+            run=run_of("rendering"),
         ),
         Item(
             name="delivery",
             title="Cell delivery: trajectories, contact force, distance",
             about="contact force 2.57 ± 3.18 pN, distance 0.02 ± 0.026, warning lines 10 pN and 0.2",
-            run=delivery.run,
+            run=run_of("delivery"),
             scenes=("cell_delivery",),
         ),
         Item(
             name="user_study",
             title="The user study, with simulated operators",
             about="deliveries 8 of 10 with haptics, 3 of 10 without: simulated operators under both conditions",
-            run=user_study.run,
+            run=run_of("user_study"),
             scenes=("cell_delivery",),
         ),
         Item(
             name="networks",
             title="Pose and depth networks",
             about="accuracy, F1 and depth RMSE of VGG16, ResNet18 and ResNet50",
-            run=networks.run,
+            run=run_of("networks"),
             scenes=("strategy_b",),
         ),
         Item(
             name="chain",
             title="The signal chain",
             about="stiffest springs 414, 10.3 and 1.4 N/m, filters, latency",
-            run=chain.run,
+            run=run_of("chain"),
         ),
         Item(
             name="contract",
             title="The middleware contract",
             about="topics, types, rates and pairings of the release",
-            run=contract.run,
+            run=run_of("contract"),
         ),
     )
 }

@@ -12,9 +12,9 @@ from otwarp.cli.output import json_text
 @json_option
 def list(as_json: bool) -> None:
     """Name the shipped environments, and say what is to be done in each."""
-    from otwarp.envs.registration import TASKS, task_of
+    from otwarp.envs.registration import TASKS, about
 
-    rows = {name: task_of(name).description for name in TASKS}
+    rows = {name: about(name) for name in TASKS}
     if as_json:
         click.echo(json_text(rows))
         return
