@@ -9,7 +9,7 @@ import click
 
 from otwarp.cli.options import json_option, mesh_scale_option, out_option
 from otwarp.cli.output import json_text, tables_console
-from otwarp.cli.types import COUNT, FILE, FRACTION
+from otwarp.cli.types import COUNT, FILE, FRACTION, USD
 
 if TYPE_CHECKING:
     from otwarp.hydrodynamics.decomposition import Decomposition
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     help="As many spheres as it takes to misplace no more than this part of the volume; default, without -n: 0.1.",
 )
 @mesh_scale_option
-@out_option("FILE", "USD file for the body.")
+@out_option("FILE", "USD file for the body.", endings=USD)
 @json_option
 def decompose(
     mesh: Path,

@@ -9,7 +9,7 @@ import click
 
 from otwarp.cli.options import force_option, json_option, mesh_scale_option, out_option
 from otwarp.cli.output import check_new, json_text
-from otwarp.cli.types import FILE, Number
+from otwarp.cli.types import FILE, USD, Number
 from otwarp.errors import InputError
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def _place(context: click.Context, parameter: click.Parameter, value: str) -> tu
 @click.option("--position", callback=_place, default="0,0,0", show_default=True, metavar="X,Y,Z",
               help="Where its origin goes [µm].")  # fmt: skip
 @click.option("--name", metavar="NAME", help="Of its prim; default: that of the file.")
-@out_option("FILE", "Write the scene here, and leave SCENE as it is.")
+@out_option("FILE", "Write the scene here, and leave SCENE as it is.", endings=USD)
 @force_option
 @json_option
 def import_(
@@ -63,6 +63,9 @@ def import_(
 
     if into is not None and not into.is_file():
         raise InputError(f"--into is {into}, which is no file; allowed: a scene")
+    if into is not None and out is None and into.suffix not in USD:
+        said = f"--into is {into}: suffix = {into.suffix or '(none)'}"
+        raise InputError(f"{said}; allowed: {', '.join(USD)} (others with --out)")
     if out is not None:
         if into is None:
             raise InputError(f"--out is {out}; allowed with --into SCENE")

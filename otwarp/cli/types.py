@@ -47,6 +47,9 @@ class ShippedPath(click.ParamType):
         return [*known, CompletionItem(incomplete, type="file")]
 
 
+USD = (".usda", ".usdc", ".usd")
+"""What names of USD files that are written end with."""
+
 SCENE = ShippedPath("scenes")
 STUDY = ShippedPath("studies")
 DATASET = ShippedPath("vision")
@@ -116,20 +119,24 @@ class OutputPath(click.ParamType):
 
     Args:
         folder: Whether it is a folder, which is made with those above it.
+        endings: What its name may end with, as `.usda`; any without.
     """
 
     name = "path"
 
-    def __init__(self, *, folder: bool = False) -> None:
-        self.folder = folder
+    def __init__(self, *, folder: bool = False, endings: tuple[str, ...] = ()) -> None:
+        self.folder, self.endings = folder, endings
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
         """Read a path.
 
         Raises:
-            InputError: Nothing could be written there.
+            InputError: Nothing could be written there, or its name says another format.
         """
         path = Path(value)
+        if self.endings and path.suffix not in self.endings:
+            said = f"{name_of(param)} is {path}: suffix = {path.suffix or '(none)'}"
+            raise InputError(f"{said}; allowed: {', '.join(self.endings)}")
         check_place(path, name_of(param), folder=self.folder)
         return path
 

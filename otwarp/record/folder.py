@@ -88,7 +88,7 @@ def warn_early(folder: Path) -> None:
 def early_end(folder: Path) -> str:
     """How far a run came that did not finish, in one line; empty for one that did, or whose summary is not there."""
     about = _summary(folder)
-    status, done = str(about.get("status", "finished")), about.get("duration_s")
+    status, done = str(about.get("status", "finished")), _done(folder, about)
     if status == "finished" or not isinstance(done, int | float):
         return ""
     asked = about.get("asked_s")
@@ -103,11 +103,24 @@ def earlier_run(folder: Path) -> str:
     if not (folder / NUMBERS).is_file() and not (folder / SUMMARY).is_file():
         return ""
     about = _summary(folder)
-    worlds, done = about.get("worlds"), about.get("duration_s")
+    worlds, done = about.get("worlds"), _done(folder, about)
     told = [str(about["scene"])] if about.get("scene") else []
     told += [f"{worlds} world{'' if worlds == 1 else 's'}"] if isinstance(worlds, int) else []
     told += [f"{done:.4g} s"] if isinstance(done, int | float) else []
     return ", ".join(told) or "without a summary"
+
+
+def _done(folder: Path, about: dict[str, Any]) -> Any:
+    """Simulated time of a run [s]; one that is running writes frames more often than its summary."""
+    if about.get("status") != "running" or not (folder / NUMBERS).is_file():
+        return about.get("duration_s")
+    try:
+        data = mapped(folder / NUMBERS)
+    except InputError:
+        return about.get("duration_s")
+    time = np.array(data.variables["time"].data, dtype=float)
+    data.close()
+    return float(time[-1] - time[0]) if len(time) else 0.0
 
 
 def _summary(folder: Path) -> dict[str, Any]:

@@ -84,6 +84,7 @@ def nonsense(parameter: click.Parameter) -> list[str]:
         return values + ([f"{kind.high * 2:g}"] if kind.high < 1e300 else [])
     if isinstance(kind, OutputPath):
         anywhere = ["{tmp}/file/below", "/proc/otwarp", "{tmp}/" + 300 * "x"]
+        anywhere += ["{tmp}/named.xyz"] if kind.endings else []
         return anywhere + (["{tmp}/file"] if kind.folder else ["{tmp}", "{tmp}/absent/file", "/dev/null"])
     if isinstance(kind, click.Choice):
         return ["nonsense"]

@@ -20,7 +20,8 @@ PICTURES = 150
 @click.command()
 @click.argument("name")
 @click.option("--policy", type=click.Choice(["random", "expert", "still"]), help="Let this policy act, without a page.")
-@click.option("--movie", type=OutputPath(), metavar="GIF", help="With --policy: draw its first episode into a movie.")
+@click.option("--movie", type=OutputPath(endings=(".gif",)), metavar="GIF",
+              help="With --policy: draw its first episode into a movie.")  # fmt: skip
 @task_options
 @live_options(page=True, browser=True)
 def play(name: str, policy: str | None, movie: Path | None, option: tuple[str, ...], **options: Any) -> int:

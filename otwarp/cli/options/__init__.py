@@ -93,9 +93,10 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print one JS
 """Standard output then has the object and nothing else; what is said meanwhile goes to standard error."""
 
 
-def out_option(metavar: str, help: str) -> Callable[..., Any]:
-    """`-o`, `--out`: the file or folder that a command is called for."""
-    return click.option("-o", "--out", type=OutputPath(folder=metavar == "DIR"), metavar=metavar, help=help)
+def out_option(metavar: str, help: str, *, endings: tuple[str, ...] = ()) -> Callable[..., Any]:
+    """`-o`, `--out`: the file, with one of the `endings` if there are any, or folder that a command is called for."""
+    place = OutputPath(folder=metavar == "DIR", endings=endings)
+    return click.option("-o", "--out", type=place, metavar=metavar, help=help)
 
 
 def rate_option(name: str, low: float, high: float, default: float, help: str) -> Callable[..., Any]:
