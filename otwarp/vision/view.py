@@ -21,7 +21,9 @@ def camera_of(scene: Scene) -> Camera:
         InputError: It has none.
     """
     if scene.camera is None:
-        raise InputError(f"{scene.file or scene.root}: the scene has no camera with OtCameraAPI; allowed: one")
+        how = 'prepend apiSchemas = ["OtCameraAPI"] at a Camera of the file, or SceneBuilder.add(Camera(...))'
+        raise InputError(f"{scene.file or scene.root}: the scene has no camera with OtCameraAPI; allowed: one ({how}; "
+                         "docs/vision.md shows it)")  # fmt: skip
     return scene.camera
 
 

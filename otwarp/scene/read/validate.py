@@ -78,7 +78,7 @@ def validate(path: str | Path) -> Report:
     except InputError as error:
         findings.append(finding(path, str(error)))
     with quiet_usd():
-        findings += _usd_findings(stage)
+        findings += [found for found in _usd_findings(stage) if not _said(found, findings)]
         if fields is not None:
             findings += _advice(Source(stage, str(path)), fields["bodies"], fields["traps"])
             findings += judge(Scene(**fields))
@@ -115,6 +115,16 @@ def _usd_findings(stage: Usd.Stage) -> list[Finding]:
         message = f"{text} [{error.GetIdentifier()}]"
         findings.append(Finding(severity="error" if serious else "warning", prim=_site(error), message=message))
     return sorted(findings, key=lambda finding: (finding.severity, finding.prim, finding.message))
+
+
+def _said(found: Finding, ours: Sequence[Finding]) -> bool:
+    """Whether a validator of USD only says again what the reader has refused: `PRIM: NAME = …`."""
+    for one in ours:
+        name, separator, _ = one.message.partition(" = ")
+        place = name if one.prim == "/" else f"<{one.prim}.{name}>"
+        if separator and place in found.message:
+            return True
+    return False
 
 
 def _site(error: Any) -> str:

@@ -226,15 +226,15 @@ def test_every_value_is_written_out(tmp_path) -> None:
 
 # a value that cannot be, and how the message goes on after the prim
 UNWRITABLE = [
-    ({"charge": 1.5}, "ot:trap:charge = 1.5: must be a whole number in [-20, 20]"),
+    ({"charge": 1.5}, "ot:trap:charge = 1.5 (a float): must be a whole number in [-20, 20]"),
     ({"charge": 2**40}, f"ot:trap:charge = {2**40}: must be a whole number in [-20, 20]"),
-    ({"charge": float("nan")}, "ot:trap:charge = nan: must be a whole number in [-20, 20]"),
+    ({"charge": float("nan")}, "ot:trap:charge = nan (a float): must be a whole number in [-20, 20]"),
     ({"axial": LAW}, "radial = None: must be a TrapLaw beside an axial one"),
     ({"glass_index": 0.5}, "ot:trap:glassIndex = 0.5: must be 0 or [1, 4]"),
     ({"glass_index": None}, "ot:trap:depth = 7.3e-06: must be 0 m while ot:trap:glassIndex = 0;"),
     ({"depth": -1.0}, "ot:trap:depth = -1e-06: must be in [0, 0.001] m"),
     ({"tolerance": 0.0}, "ot:trap:tolerance = 0.0: must be in [1e-05, 0.1]"),
-    ({"model": "piecewise"}, "OtTrapLawAPI = (none): must be isotropic alone"),
+    ({"model": "piecewise"}, "radial = None: must be a TrapLaw with ot:trap:model = piecewise"),
 ]
 
 

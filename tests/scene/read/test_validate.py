@@ -42,6 +42,12 @@ def test_errors_of_the_loader_are_findings(stage_file: StageFile, tmp_path: Path
     assert not validate(tmp_path / "none.usda").ok
 
 
+@pytest.mark.parametrize("change", [("metersPerUnit = 1e-6", ""), ("double radius = 3", "float radius = 3")])
+def test_what_usd_says_as_well_is_said_once(change: tuple[str, str], stage_file: StageFile) -> None:
+    (finding,) = validate(stage_file.write(change)).errors
+    assert finding.message.startswith(("metersPerUnit = (absent)", "radius = 3.0 (type float)"))
+
+
 def test_advice(stage_file: StageFile, tmp_path: Path) -> None:
     warnings = {str(finding) for finding in validate(stage_file.write()).warnings}
     assert any("no camera" in text for text in warnings)
