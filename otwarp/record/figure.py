@@ -183,6 +183,9 @@ def _draw_map(axes: Any, run: Run, low: np.ndarray, high: np.ndarray) -> None:
     _draw_arrows(axes, run, float((high - low).max()))
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x (µm)", ylabel="y (µm)")
     axes.set_aspect("equal")
+    if run.worlds > 1:
+        text = f"world {run.world} of {run.worlds}"
+        axes.text(0.985, 0.02, text, transform=axes.transAxes, ha="right", va="bottom", fontsize=7.5, zorder=8)
     for spine in axes.spines.values():
         spine.set_visible(True)
     if run.robots or run.cells:
@@ -203,15 +206,32 @@ def _draw_path(axes: Any, run: Run, n: int) -> None:
 
     x, y, colour = run.position[:, n, 0], run.position[:, n, 1], _colour(run, n)
     named = n in run.robots or n in run.cells
-    axes.plot(x, y, color=colour, lw=1.1 if named else 0.6, zorder=4, label=run.names[n] if named else None)
+    # a gap where the body came in on another side: no line leads across the map
+    jumps = np.flatnonzero(run.jumped[:, n])
+    path = np.insert(run.position[:, n, :2].astype(float), jumps, np.nan, axis=0)
+    axes.plot(*path.T, color=colour, lw=1.1 if named else 0.6, zorder=4, label=run.names[n] if named else None)
     moments = np.linspace(0, len(x) - 1, SNAPSHOTS if named else 2).round().astype(int)
     if np.hypot(np.ptp(x), np.ptp(y)) < 2.0 * run.radius[n]:
         moments = moments[-1:]
     for k in moments:
         centres = rotate(run.orientation[k, n], run.spheres[n][:, :3])[:, :2] + run.position[k, n, :2]
         circles = [Circle((cx, cy), r) for (cx, cy), r in zip(centres, run.spheres[n][:, 3], strict=True)]
+        circles = [*_rods(run, n, k), *circles]
         face, edge = _tint(colour, 0.45 if k == moments[-1] else 0.2), _tint(colour, 1.0 if k == moments[-1] else 0.55)
         axes.add_collection(PatchCollection(circles, facecolors=[face], edgecolors=[edge], linewidths=0.5, zorder=3))
+
+
+def _rods(run: Run, n: int, k: int) -> list[Any]:
+    """The rods of a body in a frame, from above: rectangles, below its spheres."""
+    from matplotlib.patches import Polygon
+
+    out = []
+    for rod in run.rods[n]:
+        ends = rotate(run.orientation[k, n], rod[:6].reshape(2, 3))[:, :2] + run.position[k, n, :2]
+        along = ends[1] - ends[0]
+        side = rod[6] * np.array([-along[1], along[0]]) / max(float(np.linalg.norm(along)), 1e-12)
+        out.append(Polygon([ends[0] + side, ends[1] + side, ends[1] - side, ends[0] - side]))
+    return out
 
 
 def _tint(colour: str, share: float) -> tuple[float, ...]:
@@ -291,7 +311,8 @@ def _draw_force(axes: Any, run: Run) -> None:
 def _draw_distance(axes: Any, run: Run) -> None:
     values = np.where(np.isfinite(run.distance), run.distance, np.nan)
     _draw_lines(axes, run, values, run.layout["warning_distance"], "µm")
-    axes.set_ylabel("robot–trap distance (µm)")
+    beads = all(len(run.spheres[n]) == 1 and not len(run.rods[n]) for n in run.robots)
+    axes.set_ylabel(f"{'bead' if beads else 'robot'}–trap distance (µm)")
 
 
 def _draw_lines(axes: Any, run: Run, values: np.ndarray, warning: float | None, unit: str) -> None:

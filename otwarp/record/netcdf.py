@@ -262,6 +262,7 @@ def _layout(scene: Scene, monitor: Monitor) -> dict[str, Any]:
         "warning_force": [_finite(v) for v in monitor.warning_force],
         "warning_distance": _finite(monitor.warning_distance),
         "spheres": _spheres(scene),
+        "rods": _rods(scene),
         "obstacles": [_obstacle(o) for o in scene.obstacles],
     }
 
@@ -271,6 +272,13 @@ def _spheres(scene: Scene) -> list[list[list[float]]] | None:
     if len(scene.bodies) > DRAWN_BODIES:
         return None
     return [[[*s.offset, s.radius] for s in b.spheres] for b in scene.bodies]
+
+
+def _rods(scene: Scene) -> list[list[list[float]]] | None:
+    """Per body its rods (both ends, radius) in the body's frame; None for a many-body scene."""
+    if len(scene.bodies) > DRAWN_BODIES:
+        return None
+    return [[[*r.start, *r.end, r.radius] for r in b.rods] for b in scene.bodies]
 
 
 def _obstacle(obstacle: Obstacle) -> dict[str, Any]:

@@ -34,6 +34,9 @@ class Run:
         names: Short names of the followed bodies.
         radius: (b,) radius of the largest sphere of each [µm].
         spheres: Per followed body (k, 4) offsets and radii of its spheres [µm].
+        rods: Per followed body (k, 7) both ends and radii of its rods [µm]; none in a file of an earlier version.
+        jumped: (n, b) whether a body came in on another side since the frame before, where space repeats or has inlets.
+        world, worlds: Which of how many recorded worlds.
         position: (n, b, 3) [µm].
         orientation: (n, b, 4) quaternions (x, y, z, w).
         force: (n, b, 3) net contact force [pN].
@@ -53,6 +56,10 @@ class Run:
     names: list[str]
     radius: np.ndarray
     spheres: list[np.ndarray]
+    rods: list[np.ndarray]
+    jumped: np.ndarray
+    world: int
+    worlds: int
     position: np.ndarray
     orientation: np.ndarray
     force: np.ndarray
@@ -125,6 +132,10 @@ def _read(data: Any, world: int, pick: slice) -> Run:
         names=[str(data["body"][body]).rsplit("/", 1)[-1] for body in followed],
         radius=radius[followed],
         spheres=[_spheres(layout, body, float(radius[body])) for body in followed],
+        rods=[np.array((layout.get("rods") or {body: []})[body]).reshape(-1, 7) for body in followed],
+        jumped=_jumped(data, pick, world, followed, len(time)),
+        world=world,
+        worlds=len(data.dimensions["world"]),
         position=series("position", 3),
         orientation=series("orientation", 4),
         force=series("contact_force", 3),
@@ -133,6 +144,18 @@ def _read(data: Any, world: int, pick: slice) -> Run:
         rest=last[rest],
         rest_radius=radius[rest],
     )
+
+
+def _jumped(data: Any, pick: slice, world: int, followed: list[int], frames: int) -> np.ndarray:
+    """(frames, followed) whether a body came in on another side since the frame before."""
+    out = np.zeros((frames, len(followed)), dtype=bool)
+    for n, body in enumerate(followed):
+        if "unwrapped" in data.variables:
+            periods = np.asarray(data["unwrapped"][pick, world, body]) - data["position"][pick, world, body]
+            out[1:, n] |= np.any(np.abs(np.diff(periods, axis=0)) > 1e-2, axis=1)
+        if "entries" in data.variables:
+            out[1:, n] |= np.diff(data["entries"][pick, world, body]) != 0
+    return out
 
 
 def _spheres(layout: dict[str, Any], body: int, radius: float) -> np.ndarray:

@@ -75,6 +75,42 @@ def test_a_crowd_and_nan_distances_are_drawn(scene: Scene, tmp_path: Path) -> No
     assert figure.draw(folder, out=tmp_path / "elsewhere.png").is_file()
 
 
+def test_a_path_has_a_gap_where_its_body_came_in_on_another_side(scene: Scene, tmp_path: Path) -> None:
+    from matplotlib.figure import Figure
+
+    around = dataclasses.replace(scene, settings=dataclasses.replace(scene.settings, period=(100.0, 0.0, 0.0)))
+    frames = [frame(scene, i) for i in range(6)]
+    frames = [
+        dataclasses.replace(f, unwrapped=f.position + np.array([100.0 * (i > 2), 0, 0])) for i, f in enumerate(frames)
+    ]
+    found = read_run(run(around, tmp_path / "run", frames) / "run.nc")
+    assert np.flatnonzero(found.jumped[:, 0]).tolist() == [3]
+    axes = Figure().add_subplot()
+    figure._draw_path(axes, found, 0)
+    (line,) = axes.lines
+    assert np.flatnonzero(np.isnan(np.asarray(line.get_xdata()))).tolist() == [3] and len(line.get_xdata()) == 7
+
+
+def test_rods_are_rectangles_and_a_lone_bead_is_none_of_a_robot(scene: Scene, tmp_path: Path) -> None:
+    from matplotlib.figure import Figure
+
+    folder = run(scene, tmp_path / "run", [frame(scene, i, worlds=2) for i in range(3)])
+    found = read_run(folder / "run.nc", 1)
+    axes = Figure().add_subplot()
+    figure._draw_distance(axes, found)
+    assert axes.get_ylabel() == "bead–trap distance (µm)"
+    low, high = figure.map_limits(found)
+    figure._draw_map(axes, found, low, high)
+    assert [text.get_text() for text in axes.texts if "world" in text.get_text()] == ["world 1 of 2"]
+    still = np.tile([0.0, 0.0, 0.0, 1.0], (*found.orientation.shape[:2], 1))
+    rods = [np.array([[0.0, -4.0, 0.0, 0.0, 4.0, 0.0, 0.5]])] * len(found.spheres)
+    found = dataclasses.replace(found, rods=rods, orientation=still)
+    (rod,) = figure._rods(found, 0, 0)
+    np.testing.assert_allclose(np.ptp(rod.get_xy(), axis=0), [1.0, 8.0])
+    figure._draw_distance(axes, found)
+    assert axes.get_ylabel() == "robot–trap distance (µm)"
+
+
 def test_no_run_no_figure(scene: Scene, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"run\.nc: file = missing"):
         figure.draw(tmp_path)
