@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from otwarp.cli import stop
 from otwarp.cli.options import scene_argument
 from otwarp.cli.options.page import page_options
 from otwarp.cli.types import OutputPath
@@ -30,3 +31,4 @@ def edit(scene: Path, out: Path | None, theme: str, **where: object) -> None:
     from otwarp.view.show import edit_scene
 
     edit_scene(scene, ServeOptions(**where), out=out, theme=theme, say=click.echo)  # type: ignore[arg-type]
+    stop.check_terminated()  # Ctrl-C is how a page ends; SIGTERM has an exit code of its own

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -41,6 +42,18 @@ def parts(one: str, several: str) -> Iterator[Callable[[int, int], None]]:
             bar.update(task, completed=done, total=count)
 
         yield update
+
+
+@contextmanager
+def said_if_long(line: str, after: float = 2.0) -> Iterator[None]:
+    """Say a line on standard error if the block takes longer than that [s]."""
+    timer = threading.Timer(after, lambda: click.echo(f"otwarp: {line}", err=True))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 class _Lines:

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from otwarp.scene.read.validate import Finding
 
 
+SLOW = "computing force tables and mobilities of this scene, once: runs of it find them in the cache"
+
+
 @click.command()
 @scene_argument
 @json_option
@@ -55,9 +58,11 @@ def _findings_of_a_run(scene: Path) -> list[Finding]:
         loaded = Scene.load(scene)
     except InputError:
         return []  # among the findings already
+    from otwarp.cli.progress import said_if_long
     from otwarp.record import check_run
 
     try:
-        return [finding(scene, text, "warning") for text in check_run(loaded)]
+        with said_if_long(SLOW):
+            return [finding(scene, text, "warning") for text in check_run(loaded)]
     except InputError as error:
         return [finding(scene, str(error))]

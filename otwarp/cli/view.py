@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from otwarp.cli import stop
 from otwarp.cli.options.page import page_options
 from otwarp.cli.types import FILE, Number
 from otwarp.errors import InputError
@@ -44,5 +45,6 @@ def view(paths: tuple[Path, ...], world: int, scene: Path | None, theme: str, **
         if len(paths) > 1:
             raise InputError(f"{len(paths)} folders, one of them a study; allowed: a study alone, or two runs")
         show_study(paths[0], ServeOptions(**where), theme=theme, say=click.echo)  # type: ignore[arg-type]
-        return
-    show_runs(paths, ServeOptions(**where), world=world, scene=scene, theme=theme, say=click.echo)  # type: ignore[arg-type]
+    else:
+        show_runs(paths, ServeOptions(**where), world=world, scene=scene, theme=theme, say=click.echo)  # type: ignore[arg-type]
+    stop.check_terminated()  # Ctrl-C is how a page ends; SIGTERM has an exit code of its own

@@ -54,7 +54,7 @@ def served(
     say: Callable[[str], None],
     drags: Sequence[tuple[str, str]] = DRAGS,
 ) -> Iterator[viser.ViserServer]:
-    """A guarded server of viser, whose address is said and opened; it ends with the block.
+    """A guarded server of viser, whose address is said and opened; it ends with the block, which Ctrl-C ends in order.
 
     Args:
         options: Where.
@@ -78,9 +78,12 @@ def served(
     try:
         name = socket.gethostname() if options.host in ("0.0.0.0", "::") else options.host
         url = address(name, access.port, access.token)
-        say(f"page {url}")
+        say(f"page {url}  (Ctrl-C ends)")
         if options.browser:
             threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
         yield server
+    except KeyboardInterrupt:
+        say("")  # after the ^C of the terminal
     finally:
-        server.stop()
+        with redirect_stdout(io.StringIO()):  # viser says that it has
+            server.stop()

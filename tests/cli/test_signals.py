@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from otwarp.cli.main import main
+from otwarp.cli.progress import said_if_long
 from otwarp.record.recorder import Recorder
 
 BEAD = str(Path(__file__).parents[2] / "scenes" / "single_bead.usda")
@@ -90,6 +91,15 @@ def test_the_speed_of_a_resumed_run_leaves_out_what_came_before(monkeypatch: pyt
         progress(100.0, 0.0)
         progress(101.0, 2.0)
     assert shown == ["0.5× real time"]
+
+
+def test_what_takes_long_is_said_on_stderr(capfd: pytest.CaptureFixture[str]) -> None:
+    with said_if_long("tables are made", after=30.0):
+        pass
+    assert capfd.readouterr() == ("", "")
+    with said_if_long("tables are made", after=0.0):
+        time.sleep(0.3)
+    assert capfd.readouterr() == ("", "otwarp: tables are made\n")
 
 
 STARTED = """

@@ -41,9 +41,9 @@ def page_of(*arguments: str) -> Iterator[str]:
             assert process.stdout is not None
             said, _, url = process.stdout.readline().partition(" ")
             assert said == "page", "the page did not begin"
-            yield url.strip() + "?fixedDpr=0.8"
+            yield url.split()[0] + "?fixedDpr=0.8"
             process.send_signal(signal.SIGINT)
-            assert process.wait(30.0) == 130
+            assert process.wait(30.0) == 0
         finally:
             process.kill()
 

@@ -227,7 +227,7 @@ class Session:
         """Say where the page is; once the devices are open, lest a browser shows a session that never began."""
         if self._page is None:
             return
-        self._say(f"page      {self._page.url}")
+        self._say(f"page      {self._page.url}  (Ctrl-C ends)")
         if self._options.page is not None and self._options.page.browser:
             # it may wait for the browser, and the hands' forces would fall meanwhile
             threading.Thread(target=webbrowser.open, args=(self._page.url,), daemon=True).start()

@@ -8,10 +8,10 @@ import json
 import os
 import shutil
 import threading
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
@@ -116,24 +116,29 @@ def _rendered(labels: Labels, store: Store, todo: Sequence[int], processes: int,
     _keep(labels, store, todo[0], Fourier(device))
     yield todo[0]
     context = get_context("spawn")
-    with ProcessPoolExecutor(min(processes, len(todo) - 1), context, _begin, (labels, store, os.getpid())) as pool:
+    told, end = context.Pipe(duplex=False)  # closing `end` ends the processes, in the middle of a pose
+    arguments = (labels, store, os.getpid(), told)
+    with ProcessPoolExecutor(min(processes, len(todo) - 1), context, _begin, arguments) as pool:
         try:
             for task in as_completed([pool.submit(_task, pose) for pose in todo[1:]]):
                 yield task.result()
         except BaseException:
+            end.close()
             pool.shutdown(wait=True, cancel_futures=True)
             raise
+    end.close()
+    told.close()
 
 
 _of_process: dict[str, Any] = {}
 
 
-def _begin(labels: Labels, store: Store, parent: int) -> None:
-    """What a process needs; it ends when the one that started it does, however that ended."""
+def _begin(labels: Labels, store: Store, parent: int, told: Connection) -> None:
+    """What a process needs; it ends at once when the other end of `told` is closed, or its parent has ended."""
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent answers Ctrl-C
-    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+    threading.Thread(target=_end_with, args=(parent, told), daemon=True).start()
     with contextlib.suppress(ImportError):
         import torch
 
@@ -141,9 +146,9 @@ def _begin(labels: Labels, store: Store, parent: int) -> None:
     _of_process.update(labels=labels, store=store, fourier=Fourier("cpu"))
 
 
-def _end_with(parent: int) -> None:
-    while os.getppid() == parent:
-        time.sleep(0.5)
+def _end_with(parent: int, told: Connection) -> None:
+    while os.getppid() == parent and not told.poll(0.5):
+        pass
     os._exit(1)
 
 

@@ -45,7 +45,7 @@ def session(*options: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
             assert process.stdout is not None
             said, _, url = process.stdout.readline().partition(" ")
             assert said == "page", "the session did not begin"
-            yield url.strip(), process
+            yield url.split()[0], process
         finally:
             process.kill()
 
