@@ -18,6 +18,9 @@ COLORS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#999999")
 WORDS = {"without": "no haptics", "with": "haptics", "no response": "haptics,\narm alone"}
 """Conditions in words."""
 
+ABOVE: Any = {"loc": "lower left", "bbox_to_anchor": (-0.05, 1.0), "ncols": 2, "fontsize": 8, "frameon": False}
+"""Legends stand above their panels, where they cover nothing."""
+
 
 def draw(folder: Folder, file: Path) -> Path:
     """Draw outcomes, contact force and differences beside the literature's.
@@ -62,18 +65,21 @@ def _outcomes(axis: Any, found: dict[str, Any], conditions: list[str]) -> None:
     axis.set_xticks(at, [WORDS[c] for c in conditions])
     axis.set_ylim(0, 1)
     axis.set_ylabel("share of simulated trials")
-    axis.legend(fontsize=8, loc="upper right")
+    axis.legend(**ABOVE)
 
 
 def _contact(axis: Any, arrays: dict[str, np.ndarray], conditions: list[str]) -> None:
     """Distribution functions of the mean contact force."""
     for n, condition in enumerate(conditions):
         row = np.sort(arrays["contact_mean"][n])
-        axis.step(row, (np.arange(len(row)) + 1) / len(row), color=COLORS[n], label=WORDS[condition])
-    axis.set_xlabel("mean contact force on the cell [pN], simulated")
+        row = row[np.isfinite(row)]
+        share = np.arange(len(row) + 1) / max(len(row), 1)
+        axis.step(np.concatenate([row[:1], row]), share, where="post", color=COLORS[n],
+                  linestyle="--" if n == 2 else "-", label=WORDS[condition].replace("\n", " "))  # fmt: skip
+    axis.set_xlabel("mean contact force on the cell [pN]", fontsize=9)
     axis.set_ylabel("share of simulated operators below")
     axis.set_ylim(0, 1)
-    axis.legend(fontsize=8, loc="lower right")
+    axis.legend(**ABOVE)
 
 
 def _differences(axis: Any, found: dict[str, Any]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -40,12 +40,14 @@ class Shown:
         kind: As of an observable, or `largest`.
         choices: Of a choice.
         level: Of contours.
+        asked: Whether somebody asked for a contour of that level.
     """
 
     name: str
     kind: str
     choices: tuple[str, ...] = ()
     level: float = 0.5
+    asked: bool = False
 
 
 def draw(
@@ -53,7 +55,7 @@ def draw(
     file: Path,
     *,
     name: str | None = None,
-    level: float = 0.5,
+    level: float | None = None,
     survival: bool = False,
     at: Mapping[str, float] | None = None,
 ) -> Path:
@@ -65,7 +67,7 @@ def draw(
         store: The study.
         file: Gets the picture, PNG, SVG or PDF by its ending.
         name: Of the observable; None: what the study searched, or the first observable.
-        level: Of the contour of a probability.
+        level: Of the contour of a probability; None: 0.5, and no word where it is nowhere.
         survival: Whether a time is drawn as survival curves, of some points along one axis, not as a rate.
         at: Name of an axis → a value of it, of which the nearest one is drawn.
 
@@ -75,13 +77,13 @@ def draw(
     if file.suffix not in (".png", ".svg", ".pdf"):
         raise InputError(f"--plot is {file}; allowed: a file that ends with .png, .svg or .pdf")
     asked = store.asked()
-    shown = _chosen(asked, name, level, survival)
+    shown = replace(_chosen(asked, name, 0.5 if level is None else level, survival), asked=level is not None)
     found = table(store)
     if not np.any(found["trials"].values):
         raise InputError(f"{store.folder}: no point is computed yet; allowed: a study that has run")
     from matplotlib.figure import Figure
 
-    where = _places(found, at or {})
+    where, part = _places(found, at or {}), ""
     over = found["largest"].dims if shown.kind == "largest" else found["trials"].dims
     if shown.kind == "survival" or (shown.kind == "time" and not any(found.sizes[d] > 1 for d in over)):
         figure = Figure(figsize=(7.6, 4.2), layout="constrained")
@@ -92,10 +94,11 @@ def draw(
         drawn = 0
     else:
         found = found.isel({d: [n] for d, n in where.items() if d in over})
-        drawn = int(found["trials"].values.sum())
+        drawn, known, points = int(found["trials"].sum()), int((found["trials"] > 0).sum()), found["trials"].size
+        part = f", {known:,} of {points:,} points so far" if known < points else ""
         figure = _over_axes(found, shown, [str(d) for d in over])
     if drawn:
-        figure.suptitle(f"{drawn:,} trials", fontsize=9)
+        figure.suptitle(f"{drawn:,} trials{part}", fontsize=9)
     save_picture(figure, file)
     return file
 
@@ -243,11 +246,12 @@ def _maps(figure: Any, sheets: list[tuple[str, Any]], shown: Shown, dims: list[s
         mesh = place.pcolormesh(x, y, z, cmap="cividis", shading="nearest", norm=norm)
         if shown.kind == "probability":
             parts = [_sorted(found, part.where(np.isfinite(value)), dims)[2] for part in (value, low, high)]
-            title = title or _contours(place, x, y, parts, shown.level)
+            title = title or _contours(place, x, y, parts, shown)
         _scaled(place, found, dims, last=place is axes[0])
         place.set_title(title, fontsize=9)
     figure.colorbar(mesh, ax=axes[0] if width else axes, label=text)
     if width:
+        figure.get_layout_engine().set(wspace=0.06)  # the label of the left map's colours is none of the right map's
         value, low, high, _ = values[0]
         x, y, z = _sorted(sheets[0][1], (0.5 * (high - low)).where(np.isfinite(value)), dims)
         mesh = axes[1].pcolormesh(x, y, z, cmap="Greys", shading="nearest", vmin=0.0)
@@ -267,16 +271,18 @@ def _norm(shown: Shown, ends: tuple[float | None, float | None], maps: list[np.n
     return Normalize(0.0, ends[1]), "white"
 
 
-def _contours(place: Any, x: np.ndarray, y: np.ndarray, parts: list[np.ndarray], level: float) -> str:
+def _contours(place: Any, x: np.ndarray, y: np.ndarray, parts: list[np.ndarray], shown: Shown) -> str:
     """Draw the contour of a probability, and those of the ends of its interval; what they are, for a title."""
     if min(len(x), len(y)) < TRACED:
         return ""
+    level, traced = shown.level, False
     for p, style in zip(parts, ("solid", "dotted", "dotted"), strict=True):
         if np.nanmin(p) < level < np.nanmax(p):
-            place.contour(x, y, p, levels=[level], colors="white", linewidths=1.4, linestyles=style)
-    known = parts[0][np.isfinite(parts[0])]
-    nowhere = not np.any(known < level) or not np.any(known > level)
-    return f"nowhere {level:g}" if nowhere else f"line: P = {level:g}, dotted: by the ends of intervals"
+            lines = place.contour(x, y, p, levels=[level], colors="white", linewidths=1.4, linestyles=style)
+            traced = traced or any(len(line) for line in lines.allsegs[0])
+    if traced:
+        return f"line: P = {level:g}, dotted: by the ends of intervals"
+    return f"no contour: P is nowhere {level:g}" if shown.asked else ""
 
 
 def _range(values: list[np.ndarray]) -> tuple[float | None, float | None]:

@@ -87,6 +87,20 @@ def test_a_map_of_rates_some_of_which_were_not_seen(store, drawn, monkeypatch):
     assert np.allclose(mesh, part["first_passage_rate_high"].values) and "upper end" in drawn[1].axes[1].get_ylabel()
 
 
+def test_a_map_that_is_not_finished_says_so_and_no_contour_is_named_that_nobody_asked_for(store, drawn, monkeypatch):
+    part = table(store).copy(deep=True)
+    part["trials"][1, :] = 0
+    part["trapped"][1, :] = np.nan
+    monkeypatch.setattr(figure, "table", lambda _: part)
+    monkeypatch.setattr(figure, "TRACED", 2)
+    said = []
+    for level in (None, 1e-6):
+        figure.draw(store, Path("a.png"), name="trapped", level=level)
+        said.append(drawn[-1].axes[0].get_title())
+    assert drawn[0].get_suptitle() == f"{3 * N} trials, 3 of 6 points so far"
+    assert said == ["", "no contour: P is nowhere 1e-06"]
+
+
 def test_survival_of_points_along_an_axis(store, drawn):
     """A curve for each, from 1 at 0 to its last share at the horizon; of nothing seen the bound of its count."""
     figure.draw(store, Path("a.png"), survival=True, at={"trap_power": 0.12})

@@ -70,7 +70,7 @@ def show(folder: Path, plot: Path | None, observable: str | None, contour: float
         from otwarp.studies.figure import draw
 
         with with_room(plot):
-            draw(store, plot, name=observable, level=contour or 0.5, survival=how["survival"], at=dict(how["at"]))
+            draw(store, plot, name=observable, level=contour, survival=how["survival"], at=dict(how["at"]))
         click.echo(f"wrote {plot}")
         return
     found = table(store)

@@ -30,6 +30,7 @@ def write_curves(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
 def draw_curves(file: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     """Draw losses, and the errors of the validation part, over the epochs."""
     from matplotlib.figure import Figure
+    from matplotlib.ticker import MaxNLocator
 
     figure = Figure(figsize=(8.0, 3.2), layout="constrained")
     left, right = figure.subplots(1, 2)
@@ -46,7 +47,9 @@ def draw_curves(file: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     wrong = [1.0 - row["accuracy"] for row in rows if row.get("accuracy") is not None]
     if len(wrong) == len(epochs):
         right.plot(epochs, wrong, "--", color=VALIDATION, label="wrong classes", marker=".")
-    right.set(xlabel="epoch", ylabel="root mean square error, share of images")
+    right.set(xlabel="epoch", ylabel="rms error, share of images")
     right.legend(frameon=False)
+    for axes in (left, right):
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     with written(file, file.name) as part:
         figure.savefig(part, dpi=130, format="png")

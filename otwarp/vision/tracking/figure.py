@@ -47,7 +47,8 @@ def draw_track(file: Path, recorded: RecordedBody, steps: list[Step], errors: Er
         axes.set_ylabel(name, fontsize=8)
         axes.tick_params(labelsize=7)
         if place is panels[0]:
-            axes.legend(fontsize=7, ncols=3, loc="upper right")
+            # above the curves, which may be anywhere within
+            axes.legend(fontsize=7, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
         if place in panels[len(quantities) - 2 :]:
             axes.set_xlabel("time [s]", fontsize=8)
     with written(file, f"--out {file}") as part:
