@@ -256,7 +256,7 @@ def _draw_goal(axes: Any, run: Run) -> None:
 def _draw_arrows(axes: Any, run: Run, extent: float) -> None:
     """Contact forces on the robots, averaged over the stretch of path that an arrow stands for."""
     rows = [r for r in np.array_split(np.arange(len(run.time)), min(ARROWS, len(run.time))) if len(r)]
-    place = np.array([[run.position[r, n, :2].mean(axis=0) for r in rows] for n in run.robots]).reshape(-1, 2)
+    place = np.array([[_middle(run, r, n) for r in rows] for n in run.robots]).reshape(-1, 2)
     force = np.array([[run.force[r, n, :2].mean(axis=0) for r in rows] for n in run.robots]).reshape(-1, 2)
     size = np.linalg.norm(force, axis=1)
     largest = float(size.max(initial=0.0))
@@ -279,6 +279,13 @@ def _draw_arrows(axes: Any, run: Run, extent: float) -> None:
     )
     text = f"contact force, {key:g} pN"
     axes.quiverkey(arrows, 0.97, 1.035, key, text, labelpos="W", coordinates="axes", fontproperties={"size": 8})
+
+
+def _middle(run: Run, rows: np.ndarray, n: int) -> np.ndarray:
+    """(2,) the mean place of a body in some frames; where it came in on another side among them, that of one frame."""
+    if run.jumped[rows[1:], n].any():
+        return run.position[rows[len(rows) // 2], n, :2]
+    return run.position[rows, n, :2].mean(axis=0)
 
 
 def running_mean(values: np.ndarray) -> np.ndarray | None:

@@ -85,6 +85,7 @@ def test_a_path_has_a_gap_where_its_body_came_in_on_another_side(scene: Scene, t
     ]
     found = read_run(run(around, tmp_path / "run", frames) / "run.nc")
     assert np.flatnonzero(found.jumped[:, 0]).tolist() == [3]
+    np.testing.assert_allclose(figure._middle(found, np.arange(6), 0), found.position[3, 0, :2])
     axes = Figure().add_subplot()
     figure._draw_path(axes, found, 0)
     (line,) = axes.lines

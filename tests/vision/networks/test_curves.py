@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from otwarp.vision.networks.curves import draw_curves
 
 
+@pytest.mark.quick
 def test_epochs_are_whole_and_labels_are_within(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[Figure] = []
     save = Figure.savefig
