@@ -57,6 +57,11 @@ def with_room(path: Path, kept: str = "") -> Iterator[None]:
         raise InputError(f"{error.filename or path}: {error.strerror}; allowed: a disk with room{kept}") from None
 
 
+def counted(number: int, one: str, several: str = "") -> str:
+    """`1 solid`, `5 solids`."""
+    return f"{number:,} {one if number == 1 else several or one + 's'}"
+
+
 def tables_console(width: int) -> Console:
     """A console for tables; a pipe or a file, which has no width of its own, gets `width` columns, so that nothing is
     cut."""

@@ -144,7 +144,7 @@ def summarize(scene: Scene, monitor: Monitor, facts: dict[str, Any]) -> dict[str
 
 def _text(s: dict[str, Any]) -> str:
     worlds = f", {s['worlds']} worlds" if s["worlds"] > 1 else ""
-    factor = f" ({s['real_time_factor']:.3g}× real time)" if s["real_time_factor"] else ""
+    factor = f" ({s['real_time_factor']:.3g}× real time, recording included)" if s["real_time_factor"] else ""
     run = f"{s['scene']}: {s['duration_s']:.4g} s simulated in {s['wall_time_s']:.3g} s{factor}{worlds}"
     lines = [run if s["status"] == "finished" else f"{run}; {s['status']}"]
     if s["time_step_errors"]:

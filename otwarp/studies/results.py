@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
@@ -90,6 +91,9 @@ def _probability(
 
 def _described(out: Any, asked: dict[str, Any]) -> Any:
     """The same table, in which ends of intervals say whose they are; and which versions computed it."""
+    for name in ("stop", "scatter"):  # as JSON: netCDF has no tables among attributes
+        if asked.get(name):
+            out.attrs[name] = json.dumps(asked[name], ensure_ascii=False)
     out.attrs |= {f"{name}_version": version for name, version in asked.get("versions", {}).items()}
     for name in map(str, out.data_vars):
         base, _, end = name.rpartition("_")

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from otwarp.cli.main import main
 from otwarp.errors import InputError
 from otwarp.operators.folder import create, open_folder, run_study
 from otwarp.operators.summary import summarise
@@ -95,13 +96,16 @@ def test_another_study_is_refused_in_its_folder(tmp_path):
         create(tmp_path / "out", study(population=other))
 
 
-def test_a_summary_says_that_it_is_simulated(device, tmp_path):
+def test_a_summary_says_that_it_is_simulated(device, tmp_path, capsys):
     asked = study(duration=0.05, operators=4, chunk=4, conditions=("without", "with", "no response"))
     found = summarise(run_study(asked, tmp_path / "out", device=device))
     assert found["simulated"] is True and found["operators"] == 4
     assert all(sum(row.values()) == 4 for row in found["outcomes"].values())
     assert set(found["compared"]) == {"with − without", "no response − without", "with − no response"}
     assert found["paper"]["with"]["value"] == 0.8 and found["paper"]["without"]["value"] == 0.3
+    assert main(["operators", "show", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out
+    assert "time until the end [s]" in said and "mean contact force on the cell [pN]" in said
 
 
 def test_sobol_points_share_the_random_numbers_of_their_row():

@@ -9,7 +9,7 @@ import pytest
 
 from otwarp.errors import InputError
 from otwarp.record.read import read_run
-from otwarp.record.run import frame_steps, record_run
+from otwarp.record.run import _missed_text, frame_steps, record_run
 from otwarp.scene import Scene
 from otwarp.simulation.options import StepOptions
 
@@ -62,3 +62,9 @@ def test_the_reach_that_was_given_decides_what_an_escape_is(device: str, tmp_pat
     assert summary["first_escape"]["time_s"] < 0.01
     assert "in world 1" in summary["warnings"][-1]
     assert "contact_force" not in summary and "contact force" not in summary["text"]
+
+
+def test_errors_that_no_step_mends_are_not_told_twice() -> None:
+    gaps = _missed_text({"contact": 0.11}, 0.01)
+    assert "no affordable time step mends" in gaps and "11 %" not in gaps
+    assert "1 % in stationary variances in traps +3 %" in _missed_text({"variance": 0.03, "contact": 0.11}, 0.01)

@@ -183,6 +183,8 @@ def test_groups_and_scatter(tmp_path, scene):
     found = table(run_study(study, tmp_path / "out", devices=["cpu"]))
     assert found.sizes == {"sphere_radius": 2} and found["sphere_radius"].attrs["units"] == "µm"
     assert np.all(found["trapped_low"] <= found["trapped"])
+    assert json.loads(found.attrs["scatter"]) == {"trap_power": {"deviation": 10.0, "unit": "%"}}
+    assert json.loads(found.attrs["stop"])["at_most"] == 32
     again = study.compute([0], device="cpu", worlds=5)[0]
     assert np.array_equal(again["end"], open_store(tmp_path / "out").read()["end"].values)
 

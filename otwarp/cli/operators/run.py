@@ -21,19 +21,26 @@ from otwarp.cli.types import COUNT, SECONDS, Number, OutputPath
 @click.option("--sobol", type=COUNT, metavar="N", help="Sobol indices of the parameters from N rows, a power of 2; "
               "N·(parameters + 2) operators in place of --operators.")  # fmt: skip
 @mode_option
-@click.option("--force-gain", type=Number(0.0, 1e6, unit="N/pN"), help="Of both hands; default: the chain's.")
-@click.option("--motion-gain", type=Number(0.0, 1e9, above=True, unit="µm/m"),
+@click.option(
+    "--force-gain", type=Number(0.0, 1e6, unit="N/pN"), metavar="N/pN", help="Of both hands; default: the chain's."
+)
+@click.option("--motion-gain", type=Number(0.0, 1e9, above=True, unit="µm/m"), metavar="µm/m",
               help="Of both hands; default: the least that brings the path into the device's workspace.")  # fmt: skip
-@click.option("--duration", type=SECONDS, help="When a trial is given up; default: 3 times the author's path.")
+@click.option(
+    "--duration", type=SECONDS, metavar="SECONDS", help="When a trial is given up; default: 3 times the author's path."
+)
 @click.option(
     "--press",
     type=Number(-100.0, 100.0, unit="µm"),
     default=0.0,
     show_default=True,
+    metavar="µm",
     help="How much farther towards the cell every hand aims than the author's path, with haptics and without.",
 )
-@click.option("--time-step", type=SECONDS, default=5e-4, show_default=True, help="Of the physics, at most.")
-@click.option("--frame-rate", type=Number(1.0, 20_000.0, unit="Hz"), default=120.0, show_default=True,
+@click.option(
+    "--time-step", type=SECONDS, metavar="SECONDS", default=5e-4, show_default=True, help="Of the physics, at most."
+)
+@click.option("--frame-rate", type=Number(1.0, 20_000.0, unit="Hz"), metavar="Hz", default=120.0, show_default=True,
               help="Pictures per second, for eyes and servo.")  # fmt: skip
 @click.option("--chunk", type=COUNT, help="Operators at once; default: 32 on a CPU, 2048 on a GPU. Changes no result.")
 @seed_option

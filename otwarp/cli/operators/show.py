@@ -89,6 +89,7 @@ def _show_sweep(
 
 def _print(found: dict[str, Any]) -> None:
     """Tables of a summary."""
+    from rich.markup import escape  # units in brackets are no styles
     from rich.table import Table
 
     from otwarp.operators.summary import FELT, MEASURES
@@ -99,7 +100,7 @@ def _print(found: dict[str, Any]) -> None:
                   f"population {found['population sha256'][:12]}")  # fmt: skip
     conditions = list(found["success"])
     grid = Table(box=None)
-    grid.add_column("simulated")
+    grid.add_column("simulated", no_wrap=True)
     for name in conditions:
         grid.add_column(name, justify="right")
     for said in next(iter(found["outcomes"].values())):
@@ -108,9 +109,7 @@ def _print(found: dict[str, Any]) -> None:
     grid.add_row("success", *(f"{r['value']:.3f} [{r['low']:.3f}, {r['high']:.3f}]" for r in ends))
     for name, (meaning, unit) in {**MEASURES, **FELT}.items():
         rows = (found["numbers"][c][name] for c in conditions)
-        grid.add_row(f"{meaning} [{unit}]", *(f"{r['mean']:.3g} ± {r['deviation'] or 0.0:.2g}" for r in rows))
+        grid.add_row(escape(f"{meaning} [{unit}]"), *(f"{r['mean']:.3g} ± {r['deviation'] or 0.0:.2g}" for r in rows))
     console.print(grid)
-    for line in comparison_lines(found):
-        console.print(line)
-    for row in sobol_lines(found):
-        console.print(row)
+    for line in (*comparison_lines(found), *sobol_lines(found)):
+        console.print(line, markup=False)

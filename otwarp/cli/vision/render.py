@@ -9,6 +9,7 @@ from typing import Any, Literal
 import click
 
 from otwarp.cli.options import device_option, out_option, seed_option
+from otwarp.cli.output import counted
 from otwarp.cli.types import SCENE_OR_RUN, Auto, Number
 from otwarp.errors import InputError
 
@@ -106,8 +107,9 @@ def render(
     seen = moments(path, time=time, world=world, seed=seed, device=device, center=center, exposure=exposure)
     found: Any = picture(seen, focus, size=size, center=center, rendering=how, seed=seed, device=device)
     save_stack(file, found.intensity, found.levels, found.focus, found.pixel)
-    click.echo(f"{len(found.focus)} focal planes of {found.levels.shape[2]} × {found.levels.shape[1]} pixels of "
-               f"{1e3 * found.pixel:g} nm, {found.solids} solids, {found.sources} source points, "
+    high, wide = found.levels.shape[1:]
+    click.echo(f"{counted(len(found.focus), 'focal plane')} of {wide} × {high} pixels of "
+               f"{1e3 * found.pixel:g} nm, {counted(found.solids, 'solid')}, {counted(found.sources, 'source point')}, "
                f"a margin of {found.margin:.3g} µm, {clock() - begun:.2g} s")  # fmt: skip
     if found.error is not None:
         click.echo(f"for want of more source points off by up to {found.error.max():.1g} of the contrast")

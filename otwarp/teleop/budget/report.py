@@ -217,7 +217,7 @@ class BudgetReport:
         found += [f"  measured {line}" for line in self.log] if log else []
         found.append(f"as loaded: {self._cost_line(self.before, self.speed_asked)}")
         if not self.reduced and self.fits:
-            return [*found, f"all {self.bodies} bodies stay, nothing was left out"]
+            return [*found, f"{self._all_stay()}, nothing was left out"]
         found += self._body_lines()
         if self.accuracy[0] != self.accuracy[1]:
             found.append(
@@ -234,6 +234,9 @@ class BudgetReport:
             )
         return found
 
+    def _all_stay(self) -> str:
+        return "the only body stays" if self.bodies == 1 else f"all {self.bodies} bodies stay"
+
     def _cost_line(self, cost: SceneCost, speed: float) -> str:
         return (
             f"{cost.bodies} moving, {100.0 * cost.load(speed, self.rate):.3g} % of a core at {speed:g}× speed; a whole "
@@ -244,7 +247,7 @@ class BudgetReport:
         """Bodies, and why."""
         out = len(self.frozen) + len(self.left)
         if not out or self.reach is None:
-            return [f"all {self.bodies} bodies stay"]
+            return [self._all_stay()]
         anchor = self.reach["anchor"]
         if anchor == "traps":
             near = "–" if self.nearest is None else f"{self.nearest:.3g} µm"
