@@ -10,6 +10,7 @@ from otwarp.scene.finding import Finding
 from otwarp.scene.read.source import Source
 
 _INVERSE = "!invert!"
+_TURNS = ("quatd", "quatf", "quath")
 
 
 def remarks(source: Source, placed: Iterable[Usd.Prim]) -> Iterator[Finding]:
@@ -33,10 +34,19 @@ def _unlisted(source: Source, prim: Usd.Prim) -> Iterator[Finding]:
     if not authored:
         return
     listed = {op.removeprefix(_INVERSE) for op in source.values.value(prim, "xformOpOrder", absent=())}
-    idle = [a.GetName() for a in authored if a.GetName() not in listed and a.HasAuthoredValue()]
+    unlisted = [a for a in authored if a.GetName() not in listed and a.HasAuthoredValue()]
+    idle = [a.GetName() for a in unlisted if not _turns_nothing(source, prim, a)]
     if idle:
         message = f"{', '.join(idle)} has no effect: xformOpOrder does not name it"
         yield Finding(prim=str(prim.GetPath()), message=message)
+
+
+def _turns_nothing(source: Source, prim: Usd.Prim, op: Usd.Attribute) -> bool:
+    """Whether it is a rotation that is none: in a file of a body, for those who place it to change or to leave out."""
+    if str(op.GetTypeName()) not in _TURNS or op.GetNumTimeSamples():
+        return False
+    value = source.values.value(prim, op.GetName(), types=_TURNS, absent=None)
+    return value is not None and value == type(value).GetIdentity()
 
 
 def _played(prim: Usd.Prim) -> Iterator[Finding]:

@@ -16,9 +16,9 @@ from otwarp.scene.write.export import export_layer
 def write_body(body: Body, path: str | Path) -> Path:
     """Write a stage whose default prim is the body, with its spheres and rods below.
 
-    A scene takes it in by `def Xform "robot" (prepend references = @body.usda@)` and places it with transform ops of
-    its own: the file has none. Looks are display colours, because
-    materials would have to live outside the body.
+    A scene takes it in by `def Xform "robot" (prepend references = @body.usda@)` and places it with values
+    of its own for `xformOp:translate` and `xformOp:orient`. Looks are display colours, because materials would have to
+    live outside the body.
 
     Args:
         body: Its prim path is `/<name>` in the stage; pose and instance do not count.
@@ -38,8 +38,6 @@ def write_body(body: Body, path: str | Path) -> Path:
     layer = Sdf.Layer.CreateAnonymous(".usda")
     Sdf.CopySpec(builder.stage.GetRootLayer(), Sdf.Path(nested), layer, source)
     stage = Usd.Stage.Open(layer)
-    for name in ("xformOp:translate", "xformOp:orient", "xformOpOrder"):
-        stage.GetPrimAtPath(source).RemoveProperty(name)
     for prim in stage.Traverse():
         spec = layer.GetPrimAtPath(prim.GetPath())
         if "material:binding" in spec.relationships:

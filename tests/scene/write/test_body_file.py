@@ -31,7 +31,11 @@ PLACE = """
         uniform token[] xformOpOrder = ["xformOp:translate"]"""
 
 
-@pytest.mark.parametrize(("said", "place"), [(PLACE, (0.0, 0.0, 10.0)), ("", (0.0, 0.0, 0.0))])
+BARE = PLACE.rpartition("\n")[0]
+"""In the order of the file itself."""
+
+
+@pytest.mark.parametrize(("said", "place"), [(PLACE, (0, 0, 10)), (BARE, (0, 0, 10)), ("", (0, 0, 0))])
 def test_a_scene_references_and_places_a_body(said: str, place: tuple[float, ...], tmp_path: Path) -> None:
     write_body(BODY, tmp_path / "tool.usda")
     file = tmp_path / "scene.usda"
