@@ -155,6 +155,7 @@ def term(*, unit: str = "1", scale: float = 1.0) -> Callable[[Callable[..., Any]
     """
 
     def make(function: Callable[..., Any]) -> Term:
+        """The term of a function, whose arguments after the first are what is given by name."""
         rest, returned = arguments_of("term", function, TaskNow)
         results = {wp.vec3: "vector", float: "number", bool: "truth"}
         if returned not in results:

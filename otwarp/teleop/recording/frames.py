@@ -144,6 +144,7 @@ class _Messages:
         self._path, self.complete = path, False
 
     def all(self, topics: set[str]) -> Iterator[tuple[str, memoryview]]:
+        """Topic and CDR of each message of some topics, in their order."""
         if not is_recording(self._path):
             yield from self._of_bag(topics)
             return
