@@ -83,8 +83,9 @@ def test_a_task_that_is_lost_is_told_without_compiling(tmp_path: Path, device: s
 
 def test_a_piped_run_says_what_it_compiles_and_only_then(tmp_path: Path, device: str) -> None:
     path = SCENES / "single_bead.usda"
-    run = ("run", path, "--out", tmp_path / "out", "--duration", "0.02", "--fps", "100", "--device", device)
-    first, second = (otwarp(*run, WARP_CACHE_PATH=str(tmp_path / "kernels")) for _ in range(2))
+    run = ("run", path, "--duration", "0.02", "--fps", "100", "--device", device, "--out")
+    kernels = str(tmp_path / "kernels")
+    first, second = (otwarp(*run, tmp_path / out, WARP_CACHE_PATH=kernels) for out in ("first", "second"))
     told, *each = first.stderr.splitlines()
     assert told.startswith(f"otwarp: compiling 3 of 3 kernel modules for {device}, some seconds each")
     assert each == [f"otwarp: compiled {n} of 3" for n in (1, 2, 3)]
