@@ -21,6 +21,43 @@ def set_rate(optimiser: Any, rate: float) -> None:
             group["lr"].fill_(rate)
 
 
+def warm_up(work: Callable[[], Any], device: Any) -> None:
+    """Do what is to be captured `WARM_UP` times, on a stream beside the current one, as capturing asks for.
+
+    Args:
+        work: Launches on the current stream of the device alone.
+        device: torch's, a GPU.
+    """
+    torch = torch_library()
+    aside = torch.cuda.Stream(device)
+    aside.wait_stream(torch.cuda.current_stream(device))
+    with torch.cuda.stream(aside):
+        for _ in range(WARM_UP):
+            work()
+    torch.cuda.current_stream(device).wait_stream(aside)
+
+
+def capture(graph: Any, work: Callable[[], Any], device: Any) -> Any:
+    """Record what is launched into a graph; nothing is computed.
+
+    Args:
+        graph: Of torch, new.
+        work: As of `warm_up`.
+        device: torch's, a GPU.
+
+    Returns:
+        What `work` returned: tensors that replays fill.
+    """
+    torch = torch_library()
+    # without these a graph records on the GPU that is current, which with several need not be this one, and a call of
+    # another thread, Warp's say, would end the capture
+    with (
+        torch.cuda.device(device),
+        torch.cuda.graph(graph, stream=torch.cuda.Stream(device), capture_error_mode="thread_local"),
+    ):
+        return work()
+
+
 class CapturedSteps:
     """A step of an optimiser, recorded once for each size of a batch and replayed.
 
@@ -52,20 +89,13 @@ class CapturedSteps:
 
     def _captured(self, index: Any) -> tuple[Any, Any, Any]:
         """A graph, the indices that it reads, and the loss that it writes."""
-        torch = torch_library()
+        device = self.random.device
         with self._unchanged():
-            aside = torch.cuda.Stream(self.random.device)
-            aside.wait_stream(torch.cuda.current_stream(self.random.device))
-            with torch.cuda.stream(aside):
-                for _ in range(WARM_UP):
-                    self.step(index, self.share)
-            torch.cuda.current_stream(self.random.device).wait_stream(aside)
-        graph = torch.cuda.CUDAGraph()
+            warm_up(lambda: self.step(index, self.share), device)
+        graph = torch_library().cuda.CUDAGraph()
         graph.register_generator_state(self.random)
         self.optimiser.zero_grad(set_to_none=True)
-        with torch.cuda.graph(graph):
-            loss = self.step(index, self.share)
-        return graph, index, loss
+        return graph, index, capture(graph, lambda: self.step(index, self.share), device)
 
     @contextmanager
     def _unchanged(self) -> Iterator[None]:
@@ -107,14 +137,7 @@ class CapturedNetwork:
 
     def _captured(self, images: Any) -> tuple[Any, Any, dict[str, Any]]:
         """A graph, the images that it reads, and what it writes."""
-        torch = torch_library()
-        aside = torch.cuda.Stream(images.device)
-        aside.wait_stream(torch.cuda.current_stream(images.device))
-        with torch.cuda.stream(aside):
-            for _ in range(WARM_UP):
-                self.network(images.float() / 255.0)
-        torch.cuda.current_stream(images.device).wait_stream(aside)
-        graph = torch.cuda.CUDAGraph()
-        with torch.cuda.graph(graph):
-            said = self.network(images.float() / 255.0)
-        return graph, images, said
+        look = lambda: self.network(images.float() / 255.0)  # noqa: E731
+        warm_up(look, images.device)
+        graph = torch_library().cuda.CUDAGraph()
+        return graph, images, capture(graph, look, images.device)

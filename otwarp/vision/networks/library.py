@@ -81,3 +81,19 @@ def repeatable(seed: int) -> Iterator[None]:
             torch.use_deterministic_algorithms(before[0], warn_only=before[3])
             torch.backends.cudnn.benchmark = before[1]
             filling.fill_uninitialized_memory = before[2]
+
+
+@contextmanager
+def memory_named(batch: int, device: Any) -> Iterator[None]:
+    """Say which batch did not fit the memory of a GPU.
+
+    Raises:
+        InputError: It did not.
+    """
+    torch = torch_library()
+    try:
+        yield
+    except torch.OutOfMemoryError as error:
+        words = " ".join(str(error).split())[:100]
+        raise InputError(f"batch is {batch}, which does not fit the memory of {device} ({words}); allowed: a "
+                         "smaller one") from None  # fmt: skip

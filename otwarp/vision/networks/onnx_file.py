@@ -14,7 +14,7 @@ from otwarp.files import check_place, written
 from otwarp.vision.networks.data import area_weights
 from otwarp.vision.networks.library import torch_library
 from otwarp.vision.networks.predict import Predictions
-from otwarp.vision.networks.run import Estimator, TorchEstimator, network_file
+from otwarp.vision.networks.run import Estimator, TorchEstimator, described_in, network_file
 from otwarp.vision.networks.targets import Targets
 
 OPSET = 18
@@ -109,6 +109,7 @@ class OnnxEstimator(Estimator):
             raise InputError(
                 f"{file}: cannot be read ({why}); allowed: a file that otwarp vision export wrote"
             ) from None
+        about = described_in(about, file)
         super().__init__(about, Targets.read(about["targets"]))
         self.names = tuple(output.name for output in self.session.get_outputs())
 

@@ -68,7 +68,8 @@ def predict(
     """
     torch = torch_library()
     was = network.training
-    network.eval()
+    if was:
+        network.eval()  # visits every layer, which takes as long as an image on a GPU
     found: dict[str, list[np.ndarray]] = {}
     with torch.inference_mode(), arithmetic(precision, images.device):
         for start in range(0, len(images), BATCH):
@@ -76,7 +77,8 @@ def predict(
             said = captured(some) if captured is not None and len(some) <= FEW else network(some.float() / 255.0)
             for name, value in said.items():
                 found.setdefault(name, []).append(value.float().cpu().numpy().astype(float))
-    network.train(was)
+    if was:
+        network.train()
     whole = {name: np.concatenate(parts) for name, parts in found.items()}
     if "factor" in whole:
         factor = whole.pop("factor")

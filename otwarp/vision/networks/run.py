@@ -14,7 +14,7 @@ from otwarp.vision.networks.build import rebuilt
 from otwarp.vision.networks.captured import CapturedNetwork
 from otwarp.vision.networks.data import on_device
 from otwarp.vision.networks.estimate import Estimate
-from otwarp.vision.networks.library import check_device_name, torch_device
+from otwarp.vision.networks.library import check_device_name, torch_device, torch_library
 from otwarp.vision.networks.predict import Predictions, predict
 from otwarp.vision.networks.targets import Targets
 from otwarp.vision.networks.weights import put
@@ -90,12 +90,12 @@ class TorchEstimator(Estimator):
         check_device_name(device)
         found = checkpoint.load(file, "a folder that otwarp vision train wrote, after its first epoch")
         where = torch_device(device)
-        about = found["about"]
+        about = described_in(found.get("about"), file)
         module, targets = rebuilt(about)
-        put(module, found["state"], f"{file}: weights of another network than {about['net']}")
+        put(module, found.get("state", {}), f"{file}: weights of another network than {about['net']}")
         super().__init__(about, targets)
         self.device = where
-        self.network = module.to(where).eval()
+        self.network = module.to(where).to(memory_format=torch_library().channels_last).eval()
         for parameter in self.network.parameters():
             parameter.requires_grad_(False)
         self._captured = CapturedNetwork(self.network) if where.type == "cuda" else None
@@ -104,6 +104,27 @@ class TorchEstimator(Estimator):
         on = on_device(images.__getitem__, np.arange(len(images)), self.shape, self.about["size"], self.device)
         return predict(self.network, self.targets, on, widen=tuple(self.about["widen"]),
                        captured=self._captured)  # fmt: skip
+
+
+NEEDED = ("net", "heads", "targets", "size", "shape", "pixel", "grey", "widen")
+"""What a file must say of its network."""
+
+
+def described_in(about: Any, file: Path) -> dict[str, Any]:
+    """What a file says of its network.
+
+    Args:
+        about: As it was found in the file.
+        file: For the message.
+
+    Raises:
+        InputError: It says too little to use the network, as the checkpoint of a training does.
+    """
+    missing = [name for name in NEEDED if not isinstance(about, dict) or name not in about]
+    if missing:
+        raise InputError(f"{file}: does not say {missing[0]} of its network; allowed: network.pt of a training, or "
+                         "what otwarp vision export wrote")  # fmt: skip
+    return about
 
 
 def network_file(path: str | Path) -> Path:

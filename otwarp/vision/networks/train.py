@@ -6,8 +6,7 @@ import hashlib
 import json
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,7 +21,7 @@ from otwarp.vision.networks.captured import CapturedSteps, set_rate
 from otwarp.vision.networks.curves import draw_curves, write_curves
 from otwarp.vision.networks.data import Samples, samples
 from otwarp.vision.networks.estimate import QUANTITIES
-from otwarp.vision.networks.library import check_device_name, repeatable, torch_device, torch_library
+from otwarp.vision.networks.library import check_device_name, memory_named, repeatable, torch_device, torch_library
 from otwarp.vision.networks.metrics import scores_of, widening
 from otwarp.vision.networks.predict import arithmetic, predict
 from otwarp.vision.networks.settings import Settings
@@ -229,8 +228,10 @@ def one_epoch(work: Training, epoch: int, take: Take) -> dict[str, Any]:
             check_finite(work, float(total), epoch, n)
     seconds = time.perf_counter() - begun
     row = {"epoch": epoch + 1, "rate": rate, "training_loss": float(total) / count, "seconds": seconds,
-           "images_per_second": count / seconds}  # fmt: skip
-    return {**row, **validate(work)}
+           "images_per_second": count / seconds, **validate(work)}  # fmt: skip
+    # the last step may have spoilt the weights, which the loss before it does not show
+    check_finite(work, row["validation_loss"], epoch, len(batches) - 1)
+    return row
 
 
 def one_step(work: Training, batch: Any, share: Any) -> Any:
@@ -382,19 +383,3 @@ def finish(work: Training, data: Any) -> dict[str, Any]:
     draw_curves(work.folder / "curves.png", work.rows)
     checkpoint.write_json(work.folder / checkpoint.METRICS, metrics)
     return metrics
-
-
-@contextmanager
-def memory_named(batch: int, device: Any) -> Iterator[None]:
-    """Say which batch did not fit the memory of a GPU.
-
-    Raises:
-        InputError: It did not.
-    """
-    torch = torch_library()
-    try:
-        yield
-    except torch.OutOfMemoryError as error:
-        words = " ".join(str(error).split())[:100]
-        raise InputError(f"batch is {batch}, which does not fit the memory of {device} ({words}); allowed: a "
-                         "smaller one") from None  # fmt: skip

@@ -151,11 +151,15 @@ class Tracker:
             raise InputError(
                 f"time of a measurement is {seen.time:.6g} s; allowed: from {oldest:.6g} s on, a lag of {self.lag:g} s"
             )
-        later = self._nodes[place:]
-        del self._nodes[place:]
-        self._put(seen)
-        update = dataclasses.replace(self._nodes[-1].update, replayed=len(later))
-        self._replay(later)
+        whole = self._nodes
+        self._nodes, later = whole[:place], whole[place:]
+        try:
+            self._put(seen)
+            update = dataclasses.replace(self._nodes[-1].update, replayed=len(later))
+            self._replay(later)
+        except BaseException:
+            self._nodes = whole  # a measurement that cannot be put in takes none of the others away
+            raise
         self._trim()
         return update
 

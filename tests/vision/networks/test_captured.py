@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from otwarp.vision.networks import train
-from otwarp.vision.networks.captured import CapturedSteps, set_rate
+from otwarp.vision.networks.captured import CapturedNetwork, CapturedSteps, set_rate
 from otwarp.vision.networks.settings import Settings
 
 QUICK = Settings(net="small", split="focus_blocks", epochs=3, batch=16, lr=1e-3, seed=3)
@@ -76,3 +76,24 @@ def test_capturing_changes_nothing(device: str) -> None:
     set_rate(optimiser, 1e-2)
     steps(some, 1.0)
     assert not torch.equal(weights, network[0].weight)
+
+
+def test_a_captured_network_says_what_it_says(device: str) -> None:
+    """For each number of images, again and again, on each GPU that there is and whichever is the current one."""
+    import torch
+
+    from otwarp.vision.networks.modules.network import Network
+
+    for place in {device, f"cuda:{torch.cuda.device_count() - 1}"}:
+        torch.manual_seed(0)
+        network = Network("small", classes=3, names=("x", "y"), offset=torch.zeros(2), scale=torch.ones(2)).eval()
+        network = network.to(place).to(memory_format=torch.channels_last)
+        captured = CapturedNetwork(network)
+        with torch.inference_mode():
+            for count in (1, 3, 1):
+                images = torch.randint(0, 256, (count, 48, 48), dtype=torch.uint8, device=place)
+                plain, said = network(images.float() / 255.0), captured(images)
+                assert said.keys() == plain.keys()
+                for name, value in said.items():
+                    torch.testing.assert_close(value, plain[name], rtol=1e-4, atol=1e-4)
+        assert set(captured.graphs) == {1, 3}

@@ -128,6 +128,25 @@ def test_a_loss_that_is_no_number_stops_and_keeps_the_last_checkpoint(smoke: Pat
     assert whole == train.train(smoke, tmp_path / "out", Settings(**QUICK), device="cpu")
 
 
+def test_a_last_step_that_spoils_the_weights_is_no_checkpoint(smoke: Path, tmp_path: Path, monkeypatch) -> None:
+    """The loss of a step is that before it: of the last step of an epoch only the validation part tells."""
+    step = train.one_step
+
+    def spoils(work: train.Training, *rest: Any) -> Any:
+        loss = step(work, *rest)
+        if len(work.rows) == 1:
+            for parameter in work.network.parameters():
+                parameter.data.fill_(float("inf"))
+        return loss
+
+    monkeypatch.setattr(train, "one_step", spoils)
+    monkeypatch.setattr(checkpoint.Seldom, "SHARE", 1.0)
+    quick = Settings(**{**QUICK, "batch": 32})
+    with pytest.raises(InputError, match=r"the loss became nan in epoch 2, step 1, .*of epoch 1 is kept"):
+        train.train(smoke, tmp_path / "out", quick, device="cpu")
+    assert [row["epoch"] for row in checkpoint.load(tmp_path / "out" / "checkpoint.pt", "")["rows"]] == [1]
+
+
 def test_a_batch_that_does_not_fit_is_named(smoke: Path, tmp_path: Path, monkeypatch) -> None:
     import torch
 

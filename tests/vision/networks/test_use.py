@@ -55,6 +55,21 @@ def test_exported_networks_say_the_same(smoke: Path, trained: Path, tmp_path: Pa
         load(tmp_path / "bad.onnx")
 
 
+def test_files_that_are_no_networks_are_one_line(trained: Path, tmp_path: Path) -> None:
+    """A checkpoint beside the network, and an ONNX file whose metadata another program has replaced."""
+    onnx = pytest.importorskip("onnx")
+    pytest.importorskip("onnxruntime")
+    with pytest.raises(InputError, match=r"checkpoint.pt: does not say net of its network; allowed: network.pt"):
+        load(trained / "checkpoint.pt", device="cpu")
+    export(trained, tmp_path / "robot.onnx")
+    model = onnx.load(tmp_path / "robot.onnx")
+    (about,) = model.metadata_props
+    about.value = json.dumps({"net": "small"})
+    onnx.save(model, tmp_path / "robot.onnx")
+    with pytest.raises(InputError, match=r"robot.onnx: does not say heads of its network; allowed"):
+        load(tmp_path / "robot.onnx")
+
+
 def test_images_are_resized_alike_by_torch_and_in_the_file(smoke: Path, tmp_path: Path) -> None:
     pytest.importorskip("onnxruntime")
     from otwarp.vision.networks.settings import Settings

@@ -189,6 +189,24 @@ def test_what_cannot_be_is_refused(bead: MobileBody) -> None:
 
 
 @pytest.mark.quick
+def test_a_measurement_that_fails_takes_no_other_away(bead: MobileBody, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that comes late and is behind what a matrix can bear: those after it stay."""
+    one, seen = tracker(bead), looks(bead, 10)
+    for look in (*seen[:4], *seen[5:]):
+        one.add(look)
+    before = one.predict(0.2).position
+
+    def fails(*_: object) -> None:
+        raise np.linalg.LinAlgError("Matrix is not positive definite")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("otwarp.vision.tracking.tracker.correct", fails)
+        with pytest.raises(np.linalg.LinAlgError):
+            one.add(seen[4])
+    assert one.time == seen[-1].time and np.array_equal(one.predict(0.2).position, before)
+
+
+@pytest.mark.quick
 def test_what_is_not_measured_does_not_count(bead: MobileBody) -> None:
     """Depth of infinite variance leaves the depth to the trap."""
     one, two = tracker(bead), tracker(bead)
