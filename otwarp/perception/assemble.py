@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from otwarp.errors import InputError
+from otwarp.device import pick_device
+from otwarp.errors import InputError, PlausibilityWarning
 from otwarp.haptics.core.realtime import Clock, RealClock
 from otwarp.perception.closed_loop import ClosedLoop
 from otwarp.perception.estimator import Estimator
@@ -42,6 +44,8 @@ class SeeingOptions:
         rendering: Of templates, and of a simulated camera's images.
         piece: Side of the pieces in which bodies without a network are looked for [pixels]; None: as large as they are.
         device: Of rendering and networks.
+        any_robot: Whether networks may be those of other robots.
+        threads: Of a network on a CPU: with another number its last bits are others.
     """
 
     networks: Sequence[str] = (TEMPLATES,)
@@ -50,6 +54,8 @@ class SeeingOptions:
     rendering: Rendering = LIVE
     piece: int | None = None
     device: str | None = None
+    any_robot: bool = False
+    threads: int = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,11 +102,17 @@ def see(scene: Scene, options: SeeingOptions, say: Callable[[str], None] = lambd
     indices = followed_bodies(scene, options.follow)
     # what can be refused is refused before anything is rendered
     paths = {n: chosen.get(n, TEMPLATES if scene.bodies[n].kind == "cell" else chosen[-1]) for n in indices}
-    loaded = {path: load(path, device=options.device) for path in {*paths.values()} - {TEMPLATES}}
-    sources: dict[int, Source] = {
-        n: network_of(scene, n, loaded[path], path) for n, path in paths.items() if path != TEMPLATES
+    loaded = {
+        path: load(path, device=options.device, threads=options.threads) for path in {*paths.values()} - {TEMPLATES}
     }
-    pieces = {n: loaded[path].shape[0] for n, path in paths.items() if path != TEMPLATES}
+    networks = {n: path for n, path in paths.items() if path != TEMPLATES}
+    with warnings.catch_warnings(record=True) as unlearnt:
+        warnings.simplefilter("always", PlausibilityWarning)
+        found = {n: network_of(scene, n, loaded[p], p, any_robot=options.any_robot) for n, p in networks.items()}
+    for warning in unlearnt:
+        say(str(warning.message))
+    sources: dict[int, Source] = {**found}
+    pieces = {n: source.side for n, source in found.items()}
     for n in indices:
         if n not in sources:
             pieces[n] = options.piece or piece_size(scene, n)
@@ -189,5 +201,6 @@ def closed_loop(
         "camera": looker.info.name, "pieces": {scene.bodies[n].name: side for n, side in sorted(pieces.items())},
         "networks": list(options.networks), "rule": dataclasses.asdict(rule),
         "rendering": dataclasses.asdict(options.rendering), "optics": dataclasses.asdict(camera),
+        "device": str(pick_device(options.device)), "threads": options.threads, "any_robot": options.any_robot,
     }  # fmt: skip
     return ClosedLoop(looker, bodies, commands, clock=clock, about=about)

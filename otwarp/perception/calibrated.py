@@ -9,7 +9,7 @@ from typing import Any
 from otwarp.errors import InputError
 from otwarp.scene import Scene
 from otwarp.vision.calibration.file import Calibration, load_calibration
-from otwarp.vision.view import camera_of
+from otwarp.vision.view import camera_of, image_size
 
 SAME = 0.02
 """Relative difference of a pixel up to which it is of the same camera."""
@@ -46,7 +46,9 @@ def calibrated(scene: Scene, file: str | None, *, simulated: bool, camera: str) 
     if pixel is None:
         raise InputError(f"--calibration {file} says no pixel; allowed: one that does")
     _check(found, file, scene)
-    changed = dataclasses.replace(own, pixel_size=pixel.value)
+    # the frame has as many pixels as before: its middle, from which places count, is that of the camera's images
+    wide, high = image_size(own)
+    changed = dataclasses.replace(own, pixel_size=pixel.value, frame=(wide * pixel.value, high * pixel.value))
     heights = {round(float(t.position.at(0.0)[2]), 6) for t in scene.traps}
     plane = found.results.get("trap_plane")
     if plane is not None and not simulated and len(heights) == 1 and own.orientation[3] > 1.0 - 1e-9:

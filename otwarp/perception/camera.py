@@ -78,6 +78,7 @@ class CameraInfo:
         simulated: Whether a simulation stands for it.
         met_hardware: Whether this binding was ever run on the hardware; False says that a double stood in.
         stamped: Whether its times are those of the light; else of the arrival of a frame, less half an exposure.
+        size: Pixels of its whole frames (width, height), where they are known before the first one.
     """
 
     name: str
@@ -85,6 +86,7 @@ class CameraInfo:
     simulated: bool = False
     met_hardware: bool = True
     stamped: bool = True
+    size: tuple[int, int] | None = None
 
 
 class Camera(Protocol):

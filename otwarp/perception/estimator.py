@@ -17,6 +17,7 @@ from otwarp.scene import Camera
 from otwarp.vision.tracking.finding import crop
 from otwarp.vision.tracking.measurement import Measurement, of_estimate
 from otwarp.vision.tracking.recorded import Source
+from otwarp.vision.tracking.source import NetworkSource
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +117,12 @@ class Estimator:
             crop=middle - begun, estimate=end - middle, done=read + end - begun, bodies=bodies,
         )  # fmt: skip
 
+    def warm_up(self) -> None:
+        """Show every network an empty image, so that none of the first frames waits for libraries and graphs."""
+        for source in self.sources.values():
+            if isinstance(source, NetworkSource):
+                source.look(np.zeros((source.side, source.side), dtype=np.uint8), None)
+
     def again(self, look: Look) -> tuple[BodyLook, ...]:
         """The same pieces looked at once more, as a replay does."""
         blank = [
@@ -164,7 +171,7 @@ class Estimator:
             seen, why = self._measured(when, one, all_of_them)
         except (InputError, ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
             # whatever an estimator stumbles over, the body is not seen, and the session goes on
-            seen, why = None, f"the estimator fails: {str(error).splitlines()[0] if str(error) else error!r}"
+            seen, why = None, f"the estimator fails: {' '.join(str(error).split()) or repr(error)}"
         return dataclasses.replace(one, seen=seen, why=why)
 
     def _measured(self, when: float, one: BodyLook, all_of_them: Sequence[BodyLook]) -> tuple[Measurement | None, str]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
+import itertools
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,14 +22,21 @@ TIMES = "times.csv"
 VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".webm")
 
 
-def grey(image: np.ndarray, where: str) -> np.ndarray:
-    """(height, width) uint8 of an image with row 0 the lowest: 16 bits lose their lower half.
+def grey(image: np.ndarray, where: str, bits: int = 16) -> np.ndarray:
+    """(height, width) uint8 of an image: of more than 8 bits the highest 8.
+
+    Args:
+        image: (height, width) uint8 or uint16.
+        where: It is from, for the message.
+        bits: Of a level where images are uint16, in which cameras of 10 or 12 bits leave the highest ones empty.
 
     Raises:
-        InputError: Numbers that are no grey levels.
+        InputError: Numbers that are no grey levels, or that have more bits.
     """
     if image.dtype == np.uint16:
-        return (image >> 8).astype(np.uint8)
+        if image.size and int(image.max()) >> bits:
+            raise InputError(f"{where}: levels go up to {int(image.max())}; allowed with {bits} bits: {2**bits - 1}")
+        return (image >> (bits - 8)).astype(np.uint8)
     if image.dtype != np.uint8:
         raise InputError(f"{where}: levels are {image.dtype}; allowed: uint8 or uint16")
     return image
@@ -42,20 +51,36 @@ class FileCamera:
         rate: Images per second where nothing says their times; None: as the video says, else 100.
         loop: Whether it begins again at the end.
         shift: Seconds by which all stamps are late, to see what a clock that is wrong does.
+        bits: Of a grey level, in images of 16 bits.
 
     Raises:
-        InputError: A rate that cannot be.
+        InputError: A rate, a shift or bits that cannot be.
     """
 
-    def __init__(self, where: str, *, name: str = "", rate: float | None = None, loop: int = 0, shift: float = 0.0):
+    def __init__(
+        self,
+        where: str,
+        *,
+        name: str = "",
+        rate: float | None = None,
+        loop: int = 0,
+        shift: float = 0.0,
+        bits: int = 16,
+    ):
         if rate is not None and not 0.01 <= rate <= 10_000.0:
             raise InputError(f"--camera {name}: rate is {rate:g}; allowed: 0.01 to 10000 images per second")
+        if not math.isfinite(shift):
+            raise InputError(f"--camera {name}: shift is {shift:g}; allowed: a finite time in seconds")
+        if not 9 <= bits <= 16:
+            raise InputError(f"--camera {name}: bits is {bits}; allowed: 9 to 16, of images of 16 bits")
         self._where, self._rate, self._loop, self._shift = Path(where), rate, bool(loop), shift
+        self._bits = bits
         self._info = CameraInfo(name=name or where, kind="files")
         self._images: list[np.ndarray | Path] = []
         self._times: list[float] = []
+        self._due: list[float] = []
         self._start: float | None = None
-        self._at = self._round = self._number = 0
+        self._at = self._number = 0
 
     @property
     def info(self) -> CameraInfo:
@@ -64,19 +89,25 @@ class FileCamera:
 
     def open(self) -> None:
         """See `Camera`."""
+        self._images.clear()
         if self._where.is_dir():
             names = sorted(p for p in self._where.iterdir() if p.suffix.lower() in READ)
-            self._images = list(names)
+            self._images.extend(names)
             if not names:
                 raise InputError(f"{self._where}: holds no image; allowed: {', '.join(READ)}")
-            grey(load_stack(names[0])[0], str(names[0]))  # what nobody can read is refused now
+            first = self._grey(load_stack(names[0])[0], names[0])  # what nobody can read is refused now
             self._times = self._stamps(names)
         else:
             pages, rate = (
                 _video(self._where) if self._where.suffix.lower() in VIDEOS else (load_stack(self._where), None)
             )
-            self._images = [grey(page, str(self._where)) for page in pages]
+            levels = [self._grey(page, self._where) for page in pages]
+            self._images.extend(levels)
+            first = levels[0]
             self._times = self._even(self._rate or rate or 100.0)
+        self._info = dataclasses.replace(self._info, size=(first.shape[1], first.shape[0]))
+        # stamps may go back, images come in their order
+        self._due = list(itertools.accumulate(self._times, max))
 
     def aim(self, regions: Sequence[Region]) -> None:
         """See `Camera`: files have whole frames."""
@@ -86,7 +117,7 @@ class FileCamera:
         if self._start is None:
             self._start = now
         due = self._at
-        while due < len(self._times) and self._due(due) <= now:
+        while due < len(self._due) and self._start + self._due[due] <= now:
             due += 1
         if due == self._at:
             if due == len(self._times):
@@ -95,24 +126,21 @@ class FileCamera:
         self._number += due - self._at
         self._at = due
         image = self._images[due - 1]
-        levels = image if isinstance(image, np.ndarray) else grey(load_stack(image)[0], str(image))
-        time = self._start + self._round + self._times[due - 1] - self._shift
+        levels = image if isinstance(image, np.ndarray) else self._grey(load_stack(image)[0], image)
+        time = self._start + self._times[due - 1] - self._shift
         return CameraFrame(number=self._number, time=time, exposure=0.0, pieces=(Piece(0, 0, levels),), sent=now)
 
     def close(self) -> None:
         """See `Camera`."""
         self._images.clear()
 
-    def _due(self, n: int) -> float:
-        """When an image is there: stamps may go back, images come in their order."""
-        assert self._start is not None
-        return self._start + self._round + max(self._times[: n + 1])
-
     def _ended(self, now: float) -> None:
         if not self._loop or not self._times:
             raise CameraLost(f"camera {self._info.name} has ended after {self._number} images")
-        assert self._start is not None
         self._start, self._at = now, 0
+
+    def _grey(self, image: np.ndarray, file: Path) -> np.ndarray:
+        return grey(image, str(file), self._bits)
 
     def _even(self, rate: float) -> list[float]:
         return [n / rate for n in range(len(self._images))]

@@ -1,13 +1,16 @@
 """`GenicamCamera`: a camera that speaks GenICam, through `harvesters` and the producer file of its maker.
 
-Its stamps are ticks of its own clock; the least difference to the arrival of a frame is taken for the way here, and
-subtracted. The binding was tested against a double; it never met a camera.
+Its stamps are ticks of its own clock. How far that is from ours is the least difference to the arrival of a frame in
+the last seconds, so that clocks may drift apart, and one that is set anew is believed again. The binding was tested
+against a double; it never met a camera.
 """
 
 from __future__ import annotations
 
+import re
 import threading
 import time
+from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
@@ -19,6 +22,9 @@ from otwarp.perception.files import grey
 
 FETCH_WITHIN = 1.0
 """Seconds for which a frame is waited for at a time."""
+
+CLOCK_OVER = 5.0
+"""Seconds of frames of which the quickest tells what the camera's clock shows."""
 
 SILENT = 5.0
 """Seconds without a frame after which the camera counts as gone."""
@@ -49,7 +55,7 @@ class GenicamCamera:
         self._acquirer: Any = None
         self._newest: CameraFrame | None = None
         self._number, self._over, self._ended = 0, False, ""
-        self._offset: float | None = None
+        self._offsets: deque[tuple[float, float]] = deque()
         self._thread: threading.Thread | None = None
 
     @property
@@ -108,6 +114,15 @@ class GenicamCamera:
                 getattr(part, end)()
         self._acquirer = self._harvester = None
 
+    def _offset(self, came: float, offset: float) -> float:
+        """What our clock shows more than the camera's [s]: by the quickest frame of the last seconds."""
+        while self._offsets and self._offsets[-1][1] >= offset:
+            self._offsets.pop()
+        self._offsets.append((came, offset))
+        while self._offsets[0][0] < came - CLOCK_OVER:
+            self._offsets.popleft()
+        return self._offsets[0][1]
+
     def _wait(self) -> None:
         """Thread: frames as they come."""
         exposure, last = self._exposure or 0.0, time.perf_counter()
@@ -117,7 +132,8 @@ class GenicamCamera:
                     came = time.perf_counter()
                     last = came
                     component = buffer.payload.components[0]
-                    levels = grey(np.array(component.data).reshape(component.height, component.width), self._info.name)
+                    data = np.array(component.data).reshape(component.height, component.width)
+                    levels = grey(data, self._info.name, bits_of(component.data_format))
                     stamp = 1e-9 * float(buffer.timestamp_ns) if buffer.timestamp_ns else came
             except InputError as error:
                 self._ended = str(error)
@@ -128,11 +144,18 @@ class GenicamCamera:
                     return
                 continue
             self._number += 1
-            # the quickest frame so far says what its clock shows more than ours
-            offset = came - stamp
-            self._offset = offset if self._offset is None else min(self._offset, offset)
             piece = Piece(0, 0, np.ascontiguousarray(levels[::-1]))
-            when = stamp + self._offset - 0.5 * exposure
+            when = stamp + self._offset(came, came - stamp) - 0.5 * exposure
             self._newest = CameraFrame(
                 number=self._number, time=when, exposure=exposure, pieces=(piece,), sent=came
             )  # fmt: skip
+
+
+def bits_of(data_format: str) -> int:
+    """Bits of a grey level by the name of a pixel format of GenICam, as `Mono12` or `Mono10p`; 16 where it has none.
+
+    Args:
+        data_format: As the Pixel Format Naming Convention has it.
+    """
+    found = re.match(r"[A-Za-z]*?(\d+)", data_format)
+    return min(max(int(found[1]), 8), 16) if found else 16

@@ -31,7 +31,9 @@ class Kind:
 
 KINDS: dict[str, Kind] = {
     "files": Kind(
-        FileCamera, {"rate": float, "loop": int, "shift": float}, "a folder of images, a TIFF, .npy or video"
+        FileCamera,
+        {"rate": float, "loop": int, "shift": float, "bits": int},
+        "a folder of images, a TIFF, .npy or video",
     ),
     "v4l2": Kind(DeviceCamera, {"rate": float, "exposure": float}, "a video device, through OpenCV"),
     "genicam": Kind(GenicamCamera, {"rate": float, "exposure": float, "cti": str}, "GenICam, through harvesters"),

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, BinaryIO, cast
@@ -71,7 +72,7 @@ class LabCamera:
         self._process: subprocess.Popen[bytes] | None = None
         self._regions: tuple[Region, ...] = ()
         self._asked = self._over = False
-        self._frame: CameraFrame | None = None
+        self._frames: deque[CameraFrame] = deque()
         self._ended = ""
 
     @property
@@ -97,10 +98,9 @@ class LabCamera:
         """See `Camera`."""
         if self._ended and not self._over:
             raise CameraLost(self._ended)
-        frame, self._frame = self._frame, None
-        if frame is not None:
+        if self._frames:
             self._asked = False
-            return frame
+            return self._frames.popleft()
         # asked for when somebody is there to look at it: one that was rendered ahead would be old by then
         if not self._asked and self._regions:
             self._asked = True
@@ -125,7 +125,7 @@ class LabCamera:
                 if isinstance(message, str):
                     self._ended = message
                     return
-                self._frame = message
+                self._frames.append(message)
         except (EOFError, OSError, ValueError):
             self._ended = self._ended or f"camera {self._order.name}: its laboratory has ended"
 
@@ -150,14 +150,14 @@ def child() -> None:
         _warm(plant, microscope)
         send(sink, True)
     except Exception as error:  # one line, whatever it is: the session must know
-        send(sink, f"camera {order.name}: {error}")
+        send(sink, f"camera {order.name}: {one_line(error)}")
         return
     try:
         _serve(order, reader, plant, microscope, asked, ended, sink)
     except (OSError, ValueError):  # nobody reads any more
         pass
     except Exception as error:
-        send(sink, f"camera {order.name}: its laboratory stopped ({str(error).splitlines()[0]})")
+        send(sink, f"camera {order.name}: its laboratory stopped ({one_line(error)})")
     os._exit(0)
 
 
@@ -207,6 +207,11 @@ def _listen(source: BinaryIO, asked: list[Any], ended: threading.Event) -> None:
             asked.append(receive(source))
     except (EOFError, OSError, ValueError):
         ended.set()
+
+
+def one_line(error: BaseException) -> str:
+    """What an error says, or its kind where it says nothing."""
+    return " ".join(str(error).split()) or repr(error)
 
 
 def child_process(module: str) -> subprocess.Popen[bytes]:

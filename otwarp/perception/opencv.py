@@ -86,13 +86,17 @@ class DeviceCamera:
         """Thread: frames as they come, stamped when they do."""
         exposure = self._exposure or 0.0
         while not self._over:
-            there, image = self._opened.read()
-            came = time.perf_counter()
-            if not there:
-                self._ended = f"camera {self._info.name} gives no more frames"
+            try:
+                there, image = self._opened.read()
+                came = time.perf_counter()
+                if not there:
+                    self._ended = f"camera {self._info.name} gives no more frames"
+                    return
+                levels = grey(np.asarray(image if image.ndim == 2 else image[..., 0]), self._info.name)
+            except Exception as error:  # drivers raise whatever they like, and a thread that dies says nothing
+                self._ended = f"camera {self._info.name} gives no more frames ({' '.join(str(error).split())[:120]})"
                 return
             self._number += 1
-            levels = grey(np.asarray(image if image.ndim == 2 else image[..., 0]), self._info.name)
             piece = Piece(0, 0, np.ascontiguousarray(levels[::-1]))
             self._newest = CameraFrame(
                 number=self._number, time=came - 0.5 * exposure, exposure=exposure, pieces=(piece,), sent=came

@@ -27,6 +27,7 @@ from otwarp.perception.lab import LabCamera, LabOrder, child_process, end_proces
 from otwarp.perception.link import CommandWriter, packed, unpacked, wanted_layout
 from otwarp.scene import Scene
 from otwarp.teleop.page.protocol import receive, send
+from otwarp.vision.view import camera_of, image_size
 
 LOOK_AROUND = 3e-4
 """Seconds between two looks at the camera."""
@@ -212,8 +213,13 @@ def child() -> None:
         seeing: Seeing = see(order.scene, order.seeing, lambda line: send(sink, line))
         camera = LabCamera(order.lab) if order.lab is not None else make_camera(order.camera)
         camera.open()
+        size = None if order.lab is not None else image_size(camera_of(order.scene))
+        if size is not None and camera.info.size not in (None, size):
+            raise InputError(wrong_size(order, camera.info.size, size))
+        estimator = estimator_of(order.scene, seeing)
+        estimator.warm_up()
         send(sink, Ready(camera.info, dict(seeing.pieces), dict(seeing.about)))
-        _serve(camera, estimator_of(order.scene, seeing), box, ended, sink)
+        _serve(order, camera, estimator, box, ended, sink)
     except InputError as error:
         _tell(sink, error)
     except (BrokenPipeError, KeyboardInterrupt):
@@ -252,8 +258,30 @@ class Expected:
         return before[-1] if before else past[0][1] if past else ()
 
 
-def _serve(camera: Camera, estimator: Estimator, box: Mailbox[Any], ended: threading.Event, sink: BinaryIO) -> None:
+def wrong_size(order: LookerOrder, found: tuple[int, int] | None, size: tuple[int, int]) -> str:
+    """Of a real camera whose frames are not those of the scene's: places would count from another middle.
+
+    Args:
+        order: Of the process.
+        found: Pixels of its frames (width, height).
+        size: Those of the scene's camera.
+    """
+    (wide, high), camera = found or (0, 0), camera_of(order.scene)
+    here = " × ".join(f"{side:.4g}" for side in camera.frame)
+    return (f"camera {order.camera}: frames are {wide} × {high} pixels; allowed: {size[0]} × {size[1]}, as "
+            f"{camera.prim} has them, {here} µm in pixels of {camera.pixel_size:.4g} µm")  # fmt: skip
+
+
+def _serve(
+    order: LookerOrder,
+    camera: Camera,
+    estimator: Estimator,
+    box: Mailbox[Any],
+    ended: threading.Event,
+    sink: BinaryIO,
+) -> None:
     """Look at the latest frame, again and again."""
+    size = image_size(camera_of(order.scene))
     wanted = Expected(box)
     threading.Thread(target=wanted.follow, args=(ended,), daemon=True, name="wanted").start()
     while not ended.is_set():
@@ -262,6 +290,10 @@ def _serve(camera: Camera, estimator: Estimator, box: Mailbox[Any], ended: threa
             camera.aim([w.region for w in latest])
         try:
             frame = camera.read(time.perf_counter()) if latest else None
+            if frame is not None and order.lab is None:
+                high, wide = frame.pieces[0].levels.shape
+                if (wide, high) != size:
+                    raise CameraLost(wrong_size(order, (wide, high), size))
         except CameraLost as error:
             send(sink, str(error))
             return

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from otwarp.device import pick_device
 from otwarp.errors import InputError
 from otwarp.haptics.core.realtime import VirtualClock
 from otwarp.haptics.recording import (
@@ -159,7 +160,8 @@ class _Replay:
         }
         options = SeeingOptions(
             networks=told["networks"], follow=tuple(told["pieces"]), rendering=Rendering(**told["rendering"]),
-            rule=LostRule(**(rule | push)),
+            rule=LostRule(**(rule | push)), device=self._device(told.get("device")),
+            threads=told.get("threads", 1), any_robot=told.get("any_robot", False),
         )  # fmt: skip
         seeing = see(scene, options)
         self._estimator, self._scene = estimator_of(scene, seeing), scene
@@ -188,8 +190,19 @@ class _Replay:
             again = [self._look(one, look) for one, look in zip(turn["looks"], looks, strict=True)]
             if self._whole:
                 self._align(turn, again, state)
-        note = "" if self._whole else "trackers had begun before the recording did: states were not compared"
-        return PerceptionReplay(**self._counts, first=self._first, note=note)
+        notes = [] if self._whole else ["trackers had begun before the recording did: states were not compared"]
+        notes += [self._elsewhere] if self._elsewhere else []
+        return PerceptionReplay(**self._counts, first=self._first, note="; ".join(notes))
+
+    def _device(self, recorded: str | None) -> str | None:
+        """The device on which images were looked at, where it is here: another gives other last bits."""
+        self._elsewhere = ""
+        try:
+            pick_device(recorded)
+        except InputError:
+            self._elsewhere = f"images were looked at on {recorded}, which is not here: last digits may differ"
+            return None
+        return recorded
 
     def _look(self, told: Mapping[str, Any], look: Look) -> Look:
         """A look that is made again, compared with what was recorded."""

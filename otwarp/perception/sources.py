@@ -22,7 +22,7 @@ from otwarp.vision.tracking.matching import Matcher
 from otwarp.vision.tracking.recorded import RecordedBody, in_camera
 from otwarp.vision.tracking.rotations import exponential, product
 from otwarp.vision.tracking.shape import Shape
-from otwarp.vision.tracking.source import NetworkSource, TemplateSource, template_source
+from otwarp.vision.tracking.source import NetworkSource, TemplateSource, network_for, template_source
 from otwarp.vision.tracking.templates import Templates, posed
 from otwarp.vision.view import camera_of, microscope_of, sensor_of, solids_of
 
@@ -37,9 +37,6 @@ BALLS = 2.0
 
 VERSION = 2
 """Of templates on disk: raise it with any change of what they are."""
-
-SAME_SIZE = 0.03
-"""Relative difference of sizes up to which a network's robot is the scene's."""
 
 
 def piece_size(scene: Scene, index: int) -> int:
@@ -142,7 +139,7 @@ def _side(scene: Scene, index: int, shape: Shape) -> np.ndarray | None:
     return side / length if length > 1e-6 else np.array([1.0, 0.0, 0.0])
 
 
-def network_of(scene: Scene, index: int, net: Network, path: str | Path) -> NetworkSource:
+def network_of(scene: Scene, index: int, net: Network, path: str | Path, *, any_robot: bool = False) -> NetworkSource:
     """A network for a body of the scene.
 
     Args:
@@ -150,37 +147,22 @@ def network_of(scene: Scene, index: int, net: Network, path: str | Path) -> Netw
         index: Of the body.
         net: Of `otwarp.vision.networks.load`.
         path: Where it was loaded from, for what is said.
+        any_robot: Whether it may be that of another robot.
 
     Raises:
         InputError: It takes other pixels, does not say where the body is, or learnt to see another robot.
+
+    Warns:
+        PlausibilityWarning: The scene starts the body in a pose, or has optics, that the network has not learnt.
     """
-    pixel = camera_of(scene).pixel_size
-    if abs(net.pixel / pixel - 1.0) > 0.02:
-        raise InputError(f"--perception {path} takes pixels of {net.pixel:g} µm; allowed: the camera's, {pixel:g} µm")
-    height, width = net.shape
-    if height != width:
-        raise InputError(f"--perception {path} takes images of {width} × {height} pixels; allowed: squares")
     missing = [name for name in ("x", "y", "depth") if name not in net.targets.names]
     if net.about.get("heads") == "paper" or missing:
         what = "classes and normalised depth alone" if net.about.get("heads") == "paper" else f"no {missing[0]}"
         raise InputError(f"--perception {path} says {what}; allowed: heads pose or both, of x, y and depth at least")
-    _check_robot(scene, index, net, path)
-    return NetworkSource(net)
-
-
-def _check_robot(scene: Scene, index: int, net: Network, path: str | Path) -> None:
-    """Refuse a network whose robot has other solids than the body."""
-    told = net.about.get("robot")
-    if not isinstance(told, dict):
-        return  # files of earlier versions do not say
-    learnt = sorted([float(s["radius"]) for kind in ("spheres", "rods") for s in told.get(kind, [])])
-    has = sorted(float(radius) for _, _, radius, _ in solids_of(scene.bodies[index]))
-    if len(learnt) != len(has) or not np.allclose(learnt, has, rtol=SAME_SIZE):
-        raise InputError(
-            f"--perception {path} learnt to see a robot of {len(learnt)} solids, {_sizes(learnt)}; allowed for "
-            f"{scene.bodies[index].name}: its own, {len(has)} solids, {_sizes(has)}"
-        )
-
-
-def _sizes(radii: list[float]) -> str:
-    return f"radii {min(radii):.3g} to {max(radii):.3g} µm" if radii else "none"
+    body = scene.bodies[index]
+    shape = Shape.of(scene, body.name, np.zeros(3))
+    at, frame = in_camera(camera_of(scene), np.array(body.position), np.array(body.orientation))
+    axis = frame @ shape.axis
+    depth = float((at + frame @ (shape.arm - shape.origin))[2])
+    start = np.array([[depth, math.asin(float(np.clip(axis[2], -1.0, 1.0))), math.atan2(axis[1], axis[0])]])
+    return network_for(scene, body.name, net, start, who=f"--perception {path}", any_robot=any_robot, turn_always=False)

@@ -14,6 +14,7 @@ from PIL import Image
 from otwarp.errors import InputError
 from otwarp.perception.camera import CameraFrame, CameraLost
 from otwarp.perception.files import FileCamera
+from otwarp.perception.genicam import CLOCK_OVER, GenicamCamera, bits_of
 from otwarp.perception.kinds import make_camera
 from tests.ros.ros1.setups import MasterDouble
 from tests.ros.ros2.setups import loopback
@@ -75,9 +76,24 @@ def test_pages_arrays_and_sixteen_bits(tmp_path):
         assert frame is not None and np.array_equal(frame.pieces[0].levels, LEVELS)
 
 
+def test_ten_bits_in_sixteen(tmp_path):
+    """A camera of 10 bits leaves the highest six empty: without a word of that its images would have four levels."""
+    np.save(tmp_path / "ten.npy", (LEVELS.astype(np.uint16) << 2)[None])
+    camera = make_camera(f"files:{tmp_path / 'ten.npy'},bits=10")
+    camera.open()
+    frame = camera.read(0.0)
+    assert frame is not None and np.array_equal(frame.pieces[0].levels, LEVELS) and camera.info.size == (8, 6)
+    np.save(tmp_path / "ten.npy", np.full((1, 6, 8), 1024, dtype=np.uint16))
+    with pytest.raises(InputError, match="levels go up to 1024; allowed with 10 bits: 1023"):
+        camera.open()
+    assert [bits_of(name) for name in ("Mono8", "Mono10", "Mono12p", "Mono16", "")] == [8, 10, 12, 16, 16]
+
+
 @pytest.mark.parametrize(
     ("spec", "said"),
     [
+        ("files:x,bits=8", "bits is 8; allowed: 9 to 16"),
+        ("files:x,shift=nan", "shift is nan; allowed: a finite time"),
         ("usb:0", "--camera is 'usb:0'; allowed: the scene's own by its name, or files:…, v4l2:…"),
         ("files:", "--camera is 'files:'; allowed: files:WHERE, a folder of images"),
         ("files:x,speed=3", "has 'speed=3'; allowed: rate=, loop=, shift="),
@@ -151,7 +167,7 @@ class Buffer:
     """A filled buffer of the driver of GenICam cameras, upside down, with the time of its light [ns]."""
 
     def __init__(self, stamp):
-        component = SimpleNamespace(data=LEVELS[::-1].ravel(), height=6, width=8)
+        component = SimpleNamespace(data=LEVELS[::-1].ravel(), height=6, width=8, data_format="Mono8")
         self.payload, self.timestamp_ns = SimpleNamespace(components=[component]), stamp
 
     def __enter__(self):
@@ -215,6 +231,20 @@ def test_a_genicam_camera(monkeypatch):
     camera.close()
     with pytest.raises(InputError, match="cannot be opened"):
         make_camera("genicam:0,cti=vendor.so").open()
+
+
+def test_a_genicam_clock_that_drifts_or_is_set_anew_is_followed():
+    """The quickest frame of the last seconds says what it shows; one of an hour ago knows nothing of a slow one."""
+    camera = GenicamCamera("0", cti="vendor.cti")
+    drift, way = 1e-3, [0.004, 0.001, 0.006]
+    for n in range(4000):
+        came = 0.01 * n
+        true = came - way[n % 3]
+        light = true * (1.0 - drift) + camera._offset(came, came - true * (1.0 - drift))
+        assert -1e-3 - drift * CLOCK_OVER - 0.006 < light - came <= 0.0, n
+    # set back by 100 s: believed again once the frames of the old clock are that old
+    ticks = [(came, came - 100.0 + camera._offset(came, 100.0)) for came in (40.0, 41.0, 40.0 + 2.0 * CLOCK_OVER)]
+    assert ticks[0][1] < -50.0 and ticks[2][1] == pytest.approx(ticks[2][0])
 
 
 def image_message(types, stamp: float):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 from otwarp.cli.main import main
-from otwarp.errors import InputError
+from otwarp.errors import InputError, PlausibilityWarning
 from otwarp.perception.calibrated import calibrated
 from otwarp.perception.plant import PlantOptions, plant_of, plant_scene
 from otwarp.perception.sources import network_of, piece_size
@@ -20,6 +21,7 @@ from otwarp.scene import Scene
 from otwarp.vision.calibration.file import Calibration
 from otwarp.vision.calibration.measured import Measured
 from otwarp.vision.datasets.robot import Robot
+from otwarp.vision.view import image_size
 
 SMALL = "scenes/teleop_small.usda"
 
@@ -61,6 +63,8 @@ def test_a_calibration_is_of_this_camera(tmp_path: Path):
     real = calibrated(scene, file, simulated=False, camera="v4l2:0").camera
     assert own is not None and real is not None
     assert own.pixel_size == real.pixel_size == pytest.approx(0.1605)
+    # places count from the middle of as many pixels as the camera has
+    assert image_size(own) == image_size(real) == image_size(camera)
     # the focal plane lies where the traps are, less what these are above it
     assert (own.focus, real.focus) == (camera.focus, pytest.approx(15.0 - 0.3))
     assert calibrated(scene, "scene", simulated=False, camera="v4l2:0") is scene
@@ -74,6 +78,9 @@ def test_a_calibration_is_of_this_camera(tmp_path: Path):
     for said, other in others.items():
         with pytest.raises(InputError, match=said):
             calibrated(scene, str(other.save(tmp_path / "other.json")), simulated=True, camera="top")
+    Calibration({"pixel": measured(math.nan)}, {"optics": optics}).save(tmp_path / "other.json")
+    with pytest.raises(InputError, match=r"results cannot be read .*value is nan"):
+        calibrated(scene, str(tmp_path / "other.json"), simulated=True, camera="top")
     (tmp_path / "other.json").write_text(json.dumps({"format": "x"}), encoding="utf-8")
     with pytest.raises(InputError, match="is no calibration"):
         calibrated(scene, str(tmp_path / "other.json"), simulated=True, camera="top")
@@ -95,19 +102,39 @@ def network(scene: Scene, index: int, **changes: Any) -> Any:
 
 def test_a_network_is_of_this_robot_and_camera():
     scene = Scene.load(SMALL)
-    assert network_of(scene, 0, network(scene, 0), "net").net is not None
+    right = network(scene, 0)
+    assert network_of(scene, 0, right, "net").net is right
+    # of another robot with as many solids of the same radii, one of which is elsewhere
+    moved = json.loads(json.dumps(right.about["robot"]))
+    moved["spheres"][0]["center"][0] += 0.1
     wrong = {
         r"takes pixels of 0.065 µm; allowed: the camera's, 0.16 µm": {"pixel": 0.065},
         r"takes images of 96 × 80 pixels; allowed: squares": {"shape": (80, 96)},
         r"says no depth; allowed: heads pose or both": {"names": ("x", "y", "tilt")},
         r"says classes and normalised depth alone": {"about": {"heads": "paper"}},
-        r"learnt to see a robot of 1 solids, radii 3 to 3 µm; allowed for /World/Robots/left: its own, 13 solids": {
+        r"the robot \(/World/Robots/left, 13 solids, .*\) is not that of the network \(/World/cell, 1 solids, 6 µm\)": {
             "about": {"heads": "pose", "robot": Robot.of_body(scene, "/World/cell").described()}
         },
+        r"is not that of the network \(/World/Robots/left, 13 solids": {"about": {"heads": "pose", "robot": moved}},
     }
     for said, changes in wrong.items():
         with pytest.raises(InputError, match=said):
             network_of(scene, 0, network(scene, 0, **changes), "net")
+    other = network(scene, 0, about={"heads": "pose", "robot": moved})
+    assert network_of(scene, 0, other, "net", any_robot=True).net is other
+
+
+def test_what_a_network_has_not_learnt_is_said_and_azimuths_are_turned():
+    """The robot begins at an azimuth of 90°, in a light of NA 0.3: of either a network may know nothing."""
+    scene = Scene.load(SMALL)
+    about = network(scene, 0).about
+    known = {"yaw": [60.0, 120.0], "condenser_aperture": [0.3, 0.3]}
+    assert network_of(scene, 0, network(scene, 0, about=about | {"learnt": known}), "net").azimuth is None
+    lies = {"yaw": [-15.0, 15.0], "condenser_aperture": [0.2, 0.2]}
+    with pytest.warns(PlausibilityWarning, match=r"not learnt condenser aperture 0.3 \(learnt: 0.2\)"):
+        turned = network_of(scene, 0, network(scene, 0, about=about | {"learnt": lies}), "net")
+    assert (turned.azimuth, abs(turned.start)) == pytest.approx((0.0, math.pi / 2))
+    assert turned.side == 138  # √2 of 96 pixels, and a little
 
 
 def test_a_laboratory_has_its_own_viscosity_and_sizes():

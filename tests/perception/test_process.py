@@ -71,6 +71,14 @@ def test_a_laboratory_beside_the_session(looker):
             time.sleep(0.01)
 
 
+def test_frames_of_another_size_are_refused(tmp_path):
+    """Places count from the middle of the scene's frame: another size would move all bodies, unnoticed."""
+    np.save(tmp_path / "frames.npy", np.full((2, 100, 300), 89, dtype=np.uint8))
+    looker = ProcessLooker(seen_bead(), SEEING, bodies=1, camera=f"files:{tmp_path / 'frames.npy'}")
+    with pytest.raises(InputError, match=r"frames are 300 × 100 pixels; allowed: 307 × 153, as /World/top has them"):
+        looker.open()
+
+
 def test_a_camera_that_is_not_there_is_said_in_one_line(tmp_path):
     looker = ProcessLooker(seen_bead(), SEEING, bodies=1, camera=f"files:{tmp_path}")
     with pytest.raises(InputError) as error:

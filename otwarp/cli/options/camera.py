@@ -29,6 +29,7 @@ _CAMERA = (
         "--perception", "networks", multiple=True, metavar="NETWORK",
         help="What looks at them: a trained network, for one body as BODY=NETWORK, or templates (default).",
     ),
+    click.option("--any-robot", is_flag=True, help="Go on with a network of another robot."),
     click.option(
         "--follow", multiple=True, metavar="BODY", help="A body to look for; default: robots, and the task's cell."
     ),
@@ -42,7 +43,7 @@ _CAMERA = (
     rate_option("--camera-rate", 0.1, 10_000.0, 100.0, "Exposures per second of a simulated laboratory."),
     click.option(
         "--rings", type=Number(1, 8, whole=True), default=1, show_default=True,
-        help="Rings of source points in its images, and in templates.",
+        help="Rings of source points in the laboratory's images, and in templates.",
     ),
     click.option("--plant", type=FILE, metavar="SCENE", help="The simulated laboratory; default: SCENE itself."),
     click.option("--plant-seed", type=SEED, default=1, show_default=True, help="Key of its random numbers."),
@@ -57,8 +58,8 @@ _CAMERA = (
 )  # fmt: skip
 """The camera, what looks at its images, and the laboratory that may stand for it."""
 
-NAMES = ("camera", "networks", "follow", "calibration", "lost_after", "camera_rate", "rings", "plant", "plant_seed",
-         "plant_viscosity", "plant_spread")  # fmt: skip
+NAMES = ("camera", "networks", "any_robot", "follow", "calibration", "lost_after", "camera_rate", "rings", "plant",
+         "plant_seed", "plant_viscosity", "plant_spread")  # fmt: skip
 
 
 def camera_options() -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -74,8 +75,9 @@ def split_options(options: dict[str, Any]) -> tuple[dict[str, Any], dict[str, An
     """
     asked, rest = {name: options[name] for name in NAMES}, {k: v for k, v in options.items() if k not in NAMES}
     if asked["camera"] is None:
-        given = {"--perception": asked["networks"], "--follow": asked["follow"], "--calibration": asked["calibration"],
-                 "--lost-after": asked["lost_after"], "--plant": asked["plant"]}  # fmt: skip
+        given = {"--perception": asked["networks"], "--any-robot": asked["any_robot"], "--follow": asked["follow"],
+                 "--calibration": asked["calibration"], "--lost-after": asked["lost_after"],
+                 "--plant": asked["plant"]}  # fmt: skip
         for option, value in given.items():
             if value:
                 raise InputError(f"{option} is given without a camera; allowed with --camera")
@@ -118,7 +120,7 @@ def open_perception(
     rendering = dataclasses.replace(LIVE, rings=asked["rings"])
     seeing = SeeingOptions(
         networks=asked["networks"] or ("templates",), follow=asked["follow"], rule=rule, rendering=rendering,
-        device=session.device,
+        device=session.device, any_robot=asked["any_robot"],
     )  # fmt: skip
     twin = calibrated(scene, asked["calibration"], simulated=simulated, camera=name)
     lab = _laboratory(scene, asked, session.device) if simulated else None

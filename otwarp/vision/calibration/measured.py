@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -52,6 +53,8 @@ class Measured:
     def read(cls, said: Mapping[str, Any]) -> Measured:
         """From a file; KeyError, TypeError or ValueError where it is none."""
         low, high = said["interval"]
+        if not math.isfinite(said["value"]):
+            raise ValueError(f"value is {said['value']}")
         authored = said.get("authored")
         return cls(float(said["value"]), float(said["standard_error"]), float(low), float(high), str(said["unit"]),
                    str(said["about"]), None if authored is None else float(authored))  # fmt: skip

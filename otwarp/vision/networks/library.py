@@ -54,6 +54,20 @@ def torch_device(name: str | None) -> Any:
 
 
 @contextmanager
+def threads_of(count: int) -> Iterator[None]:
+    """A number of threads for torch on a CPU, until the end; 0 leaves it."""
+    torch = torch_library()
+    before = torch.get_num_threads()
+    if count:
+        torch.set_num_threads(count)
+    try:
+        yield
+    finally:
+        if count:
+            torch.set_num_threads(before)
+
+
+@contextmanager
 def repeatable(seed: int) -> Iterator[None]:
     """Random numbers of torch from a seed, and algorithms that give the same bits every time; both as before after it.
 

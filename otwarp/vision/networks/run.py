@@ -14,7 +14,7 @@ from otwarp.vision.networks.build import rebuilt
 from otwarp.vision.networks.captured import CapturedNetwork
 from otwarp.vision.networks.data import on_device
 from otwarp.vision.networks.estimate import Estimate
-from otwarp.vision.networks.library import check_device_name, torch_device, torch_library
+from otwarp.vision.networks.library import check_device_name, threads_of, torch_device, torch_library
 from otwarp.vision.networks.predict import Predictions, predict
 from otwarp.vision.networks.targets import Targets
 from otwarp.vision.networks.weights import put
@@ -81,12 +81,17 @@ class Estimator(ABC):
 class TorchEstimator(Estimator):
     """The network as torch runs it.
 
+    Args:
+        file: That a training wrote.
+        device: torch's name; None for a GPU if there is one.
+        threads: On a CPU; 0 for as many as torch has.
+
     Attributes:
         network: Module of torch.
         device: torch's.
     """
 
-    def __init__(self, file: Path, device: str | None = None):
+    def __init__(self, file: Path, device: str | None = None, threads: int = 0):
         check_device_name(device)
         found = checkpoint.load(file, "a folder that otwarp vision train wrote, after its first epoch")
         where = torch_device(device)
@@ -94,16 +99,17 @@ class TorchEstimator(Estimator):
         module, targets = rebuilt(about)
         put(module, found.get("state", {}), f"{file}: weights of another network than {about['net']}")
         super().__init__(about, targets)
-        self.device = where
+        self.device, self._threads = where, threads
         self.network = module.to(where).to(memory_format=torch_library().channels_last).eval()
         for parameter in self.network.parameters():
             parameter.requires_grad_(False)
         self._captured = CapturedNetwork(self.network) if where.type == "cuda" else None
 
     def _predict(self, images: np.ndarray) -> Predictions:
-        on = on_device(images.__getitem__, np.arange(len(images)), self.shape, self.about["size"], self.device)
-        return predict(self.network, self.targets, on, widen=tuple(self.about["widen"]),
-                       captured=self._captured)  # fmt: skip
+        with threads_of(self._threads):
+            on = on_device(images.__getitem__, np.arange(len(images)), self.shape, self.about["size"], self.device)
+            return predict(self.network, self.targets, on, widen=tuple(self.about["widen"]),
+                           captured=self._captured)  # fmt: skip
 
 
 NEEDED = ("net", "heads", "targets", "size", "shape", "pixel", "grey", "widen")

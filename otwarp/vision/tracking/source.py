@@ -11,11 +11,13 @@ import numpy as np
 from scipy import ndimage
 
 from otwarp.errors import InputError
+from otwarp.scene import Scene
 from otwarp.vision.datasets.robot import Robot
 from otwarp.vision.fourier import Fourier
 from otwarp.vision.networks.estimate import QUANTITIES, Estimate
 from otwarp.vision.networks.learnt import OPTICS, check_robot, warn_of_exceeded
 from otwarp.vision.networks.run import Estimator
+from otwarp.vision.networks.targets import wrapped
 from otwarp.vision.rendering import Rendering, expose
 from otwarp.vision.specimen import Specimen
 from otwarp.vision.tracking.matching import Matcher, mirror_probability, with_errors
@@ -69,6 +71,12 @@ class NetworkSource:
     net: Estimator
     azimuth: float | None = None
     start: float = 0.0
+
+    @property
+    def side(self) -> int:
+        """Of the images that it is shown [pixels]."""
+        own = self.net.shape[0]
+        return own if self.azimuth is None else 2 * math.ceil(own / math.sqrt(2.0)) + 2
 
     def look(self, image: np.ndarray, guess: np.ndarray | None) -> tuple[Estimate, float]:
         """As `Source`; the image has a side of √2 times the network's where images are turned."""
@@ -127,36 +135,66 @@ def network_source(recorded: RecordedBody, net: Estimator, *, any_robot: bool = 
         any_robot: Whether it may be that of another robot.
 
     Raises:
+        InputError: As `network_for`, or images that do not hold the body.
+
+    Warns:
+        PlausibilityWarning: As `network_for`.
+    """
+    shape = Shape.of(recorded.scene, recorded.body, np.zeros(3))
+    gone = _gone_through(recorded, shape)
+    source = network_for(recorded.scene, recorded.body, net, gone, who="--net", any_robot=any_robot)
+    check_size(recorded, net.shape[0])
+    return source, source.side
+
+
+def network_for(
+    scene: Scene,
+    body: str,
+    net: Estimator,
+    gone: np.ndarray,
+    *,
+    who: str,
+    any_robot: bool = False,
+    turn_always: bool = True,
+) -> NetworkSource:
+    """A trained network for a body of a scene.
+
+    Args:
+        scene: With the camera, which must have the network's pixels.
+        body: Its name.
+        net: Of `otwarp.vision.networks.load`.
+        gone: (n, 3) depth [µm], tilt and azimuth [rad] that it goes through, or begins with.
+        who: How a message names the network.
+        any_robot: Whether it may be that of another robot.
+        turn_always: Whether images are turned as well where all azimuths that it goes through were learnt.
+
+    Raises:
         InputError: It takes other pixels, images that are not square, or is that of another robot.
 
     Warns:
-        PlausibilityWarning: The run goes through poses, or has optics, that the network has not learnt.
+        PlausibilityWarning: The body goes through poses, or the camera has optics, that the network has not learnt.
     """
-    scene = recorded.scene
     if not any_robot:
-        check_robot(net.about, Robot.of_body(scene, recorded.body), recorded.body)
-    pixel = camera_of(recorded.scene).pixel_size
+        check_robot(net.about, Robot.of_body(scene, body), body)
+    pixel = camera_of(scene).pixel_size
     if abs(net.pixel / pixel - 1.0) > 0.02:
-        raise InputError(f"--net takes pixels of {net.pixel:g} µm; allowed: the camera's, {pixel:g} µm")
+        raise InputError(f"{who} takes pixels of {net.pixel:g} µm; allowed: the camera's, {pixel:g} µm")
     height, width = net.shape
     if height != width:
-        raise InputError(f"--net takes images of {width} × {height} pixels; allowed: squares")
-    check_size(recorded, width)
-    microscope, shape = microscope_of(scene), Shape.of(scene, recorded.body, np.zeros(3))
-    gone = _gone_through(recorded, shape)
-    learnt = net.about.get("learnt", {}).get("yaw", [-180.0, 180.0])
+        raise InputError(f"{who} takes images of {width} × {height} pixels; allowed: squares")
+    microscope, long = microscope_of(scene), bool(np.any(Shape.of(scene, body, np.zeros(3)).axis))
+    first, last = np.radians(net.about.get("learnt", {}).get("yaw", [-180.0, 180.0]))
+    middle = float(0.5 * (first + last))
     even = microscope.contrast != "dic" and not (microscope.condenser_x or microscope.condenser_y)
-    turns = even and bool(np.any(shape.axis)) and learnt[1] - learnt[0] < ALL_AROUND
+    learnt = bool(np.all(np.abs(wrapped(gone[:, 2] - middle)) <= 0.5 * (last - first) + 1e-6))
+    turns = even and long and last - first < math.radians(ALL_AROUND) and (turn_always or not learnt)
     seen = {"depth": gone[:, 0], "tilt": np.degrees(gone[:, 1])}
-    if not turns and np.any(shape.axis):
-        seen["yaw"] = np.degrees(gone[:, 2])
+    if not turns and long:
+        seen["yaw"] = np.degrees(middle + wrapped(gone[:, 2] - middle))
     ranges = {name: (float(v.min()), float(v.max())) for name, v in seen.items()}
     ranges |= {name: (getattr(microscope, name),) * 2 for name in OPTICS}
-    warn_of_exceeded(net.about, ranges, recorded.body)
-    if not turns:
-        return NetworkSource(net), width
-    middle = math.radians(0.5 * (learnt[0] + learnt[1]))
-    return NetworkSource(net, middle, float(gone[0, 2])), 2 * math.ceil(width / math.sqrt(2.0)) + 2
+    warn_of_exceeded(net.about, ranges, body)
+    return NetworkSource(net, middle, float(gone[0, 2])) if turns else NetworkSource(net)
 
 
 def template_source(

@@ -55,6 +55,22 @@ def test_exported_networks_say_the_same(smoke: Path, trained: Path, tmp_path: Pa
         load(tmp_path / "bad.onnx")
 
 
+def test_threads_change_no_bit_where_their_number_is_given(smoke: Path, trained: Path) -> None:
+    """As for closed loops, whose recordings are replayed in a process that has other threads."""
+    import torch
+
+    images, before, said = open_dataset(smoke).images(np.arange(0, 200, 50)), torch.get_num_threads(), []
+    try:
+        for threads in (1, 2):
+            torch.set_num_threads(threads)
+            said.append(load(trained, device="cpu", threads=1).predict(images))
+            assert torch.get_num_threads() == threads
+    finally:
+        torch.set_num_threads(before)
+    for name in ("scores", "depth", "mean", "covariance"):
+        assert getattr(said[0], name).tobytes() == getattr(said[1], name).tobytes(), name
+
+
 def test_files_that_are_no_networks_are_one_line(trained: Path, tmp_path: Path) -> None:
     """A checkpoint beside the network, and an ONNX file whose metadata another program has replaced."""
     onnx = pytest.importorskip("onnx")
