@@ -39,7 +39,8 @@ def measured(crowd: ManySpheres, rounds: int, seconds: float) -> dict[str, Any]:
         "steps_per_sample": steps,
         "ns": Quartiles.of([1e9 * t / (steps * crowd.count) for t in times]),
         "steps_per_list": (crowd.state.step - begun) / max(made, 1),
-        "neighbours": float(np.maximum(near.count.numpy(), 0).mean()),
+        # a CPU lists each pair once
+        "neighbours": float(np.maximum(near.count.numpy(), 0).mean()) * (2.0 if len(near.begin) else 1.0),
         "touching": float((crowd.readout.contact_load.numpy() > 0.0).mean()),
     }
 
@@ -176,7 +177,7 @@ def list_table(own: float, other: dict[str, float]) -> Table:
         title="Neighbour lists [ns per particle]",
         head=("way", "cells", "lists", "both"),
         rows=[
-            ("cells sorted, lists that ascend or are put in order when used", "", "", f"{own:.3g}"),
+            ("cells sorted, lists that ascend, on a CPU of each pair once", "", "", f"{own:.3g}"),
             ("`wp.HashGrid`, lists in no order", f"{other['build']:.3g}", f"{other['query']:.3g}", f"{both:.3g}"),
         ],
     )

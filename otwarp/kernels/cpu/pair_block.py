@@ -38,13 +38,14 @@ _NEAR = """
         return v;
     };
     int found = 0;
+    // each pair is listed once, with the sphere that comes first
     auto search = [&](int first, int last) {
 #pragma clang fp contract(off)
-        for (int s = first; s < last; s += 16) {
+        for (int s = first > i + 1 ? first : i + 1; s < last; s += 16) {
         floats16 x = here[0] - column(0, s), y = here[1] - column(1, s), z = here[2] - column(2, s);
         WRAPPED
         floats16 radius = column(3, s), both = far + radius;
-        ints16 near = (x * x + y * y + z * z < both * both) & (radius > 0.0f) & (lane < last - s) & (lane != i - s);
+        ints16 near = (x * x + y * y + z * z < both * both) & (radius > 0.0f) & (lane < last - s);
         bits16 chosen = __builtin_convertvector(near != 0, bits16);
         unsigned short bits;
         __builtin_memcpy(&bits, &chosen, 2);
@@ -166,16 +167,6 @@ _TOUCHING = """
         __builtin_prefetch(adhesion.data + b);
         __builtin_prefetch(range.data + b);
     }
-    // ascending by body for each sphere: few have more than one
-    for (int t = before + 1; t < found; ++t)
-        for (int u = t; u > before; --u) {
-            int* pair = chosen.data + 2 * u;
-            if (pair[-2] != pair[0] || body(pair[-1]) < body(pair[1]))
-                break;
-            const int swapped = pair[1];
-            pair[1] = pair[-1];
-            pair[-1] = swapped;
-        }
     return found;
 """
 
@@ -190,7 +181,8 @@ def _source(text: str, periodic: bool) -> str:
 def near_term(periodic: bool) -> wp.Function:
     """`(period, sorted, start, finish, edge, cells, world, cell, here, far, i, k, list, at, most) -> int`.
 
-    Writes the spheres around sphere i, from the cells around its own, to its list, which begins at `at`.
+    Writes the spheres around sphere i that come after it, from the cells around its own, to its list, which begins at
+    `at`: so each pair is listed once.
     """
 
     @wp.func_native(_source(_NEAR, periodic))
@@ -199,7 +191,7 @@ def near_term(periodic: bool) -> wp.Function:
         finish: wp.array(dtype=wp.int32), edge: wp.vec3, cells: wp.vec3i, world: int, cell: wp.vec3i, here: wp.vec3,
         far: float, i: int, k: int, list: wp.array(dtype=wp.int32), at: int, most: int,
     ) -> int:  # fmt: skip
-        """How many are closer to `here` than `far` and their radius [µm]; `most` are kept."""
+        """How many after i are closer to `here` than `far` and their radius [µm]; `most` are kept."""
         ...
 
     return near
@@ -242,7 +234,7 @@ def touching_term(periodic: bool) -> wp.Function:
         adhesion: wp.array(dtype=wp.float32), range: wp.array(dtype=wp.float32), chosen: wp.array(dtype=wp.int32),
         found: int,
     ) -> int:  # fmt: skip
-        """Pairs whose gap is less than `reach` [µm], for each sphere in the order of the others' bodies."""
+        """How many pairs there are then; the gap of those appended is less than `reach` [µm]."""
         ...
 
     return touching

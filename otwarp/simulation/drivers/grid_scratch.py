@@ -136,7 +136,8 @@ def allocate_neighbours(model: Model, state: State) -> Annotated[Any, NeighbourD
     searched = w * math.prod(cells) if f.pairs and not f.by_world else 0
     sorted = 0 if f.by_world else listed
     counts = {"key": 2 * sorted, "item": 2 * sorted, "start": searched, "finish": searched, "count": total}
-    counts |= {"begin": listed if f.lanes and f.soft_contacts else 0}
+    slots = f.lanes and f.soft_contacts
+    counts |= {"begin": listed if slots else 0, "full": w if slots else 0}
     counts |= {"walled": total if f.obstacles else 0, "stale": own, "builds": own}
     for name, size in counts.items():
         setattr(data, name, wp.zeros(size, dtype=wp.int32, device=device))
@@ -183,7 +184,9 @@ def allocate_grid(model: Model, state: State) -> Annotated[Any, GridData]:
     data.slot = wp.zeros((w, b if f.soft_contacts and f.inlet else 0), dtype=wp.int32, device=device)
     slots = w * b if f.soft_contacts else 0
     data.place = wp.zeros((2, slots), dtype=wp.vec4, device=device)
-    blocks = slots + PAIRS if f.lanes and f.soft_contacts and f.pairs else 0
+    listed_once = f.lanes and f.soft_contacts and f.pairs
+    data.push = wp.zeros(slots if listed_once else 0, dtype=wp.vec4l, device=device)
+    blocks = slots + PAIRS if listed_once else 0
     if in_columns(f):
         blocks = w * data.near.elements + PAIRS
     data.sorted = wp.zeros((4, blocks), dtype=wp.float32, device=device)

@@ -11,6 +11,7 @@ lists          the contacts of each body in a step
 contacts       their forces in sweeps over all at once; on CPUs one after the other (`turns`)
 entries        contacts of a world that a team of threads (`teams`) shares out; which are solved (`entry_search`), and
                sweeps over them (`entry_sweeps`)
-soft           the whole step where contacts are soft: forces as they are at its start
+soft           the whole step where contacts are soft: forces as they are at its start (`soft_forces`), on CPUs summed
+               pair by pair (`pushes`)
 inlets         cells that have left come in again
 """

@@ -23,9 +23,12 @@ class NeighbourData:
     start: wp.array(dtype=wp.int32)  # (W·cells) first sorted entry of each cell
     finish: wp.array(dtype=wp.int32)  # (W·cells) one past its last
     reference: wp.array(dtype=wp.vec3)  # (W·E) centres when the lists were made [µm]
-    count: wp.array(dtype=wp.int32)  # (W·E) neighbours listed, FULL if there are too many
+    count: wp.array(
+        dtype=wp.int32
+    )  # (W·E) neighbours listed, of slots on a CPU the later ones; FULL if there are too many
     neighbour: wp.array(dtype=wp.int32)  # (W·E·NEIGHBOURS) elements, ascending by sphere
     begin: wp.array(dtype=wp.int32)  # (W·E) where the lists of slots begin on a CPU, see `slot_lists`
+    full: wp.array(dtype=wp.int32)  # (W) not 0: some slot of the world is FULL, on a CPU
     stride: int  # from one element's list to the next
     pitch: int  # from one entry of a list to the next
     walled: wp.array(dtype=wp.int32)  # (W·E) `obstacle_bit` of those that may be touched before the next lists
@@ -128,6 +131,7 @@ class GridData:
     share: wp.array2d(dtype=wp.vec2)  # (W, CHUNKS) parts of the sums that scale the first guess [pN·µm]
     place: wp.array2d(dtype=wp.vec4)  # (2, W·B) centre and contact radius of each slot, now and next [µm]
     sorted: wp.array2d(dtype=wp.float32)  # (4, W·E + PAIRS) places [µm] and radii when lists were made, on a CPU
+    push: wp.array(dtype=wp.vec4l)  # (W·B) contact force and load on each slot, see `whole_quanta`, on a CPU
     order: wp.array2d(dtype=wp.int32)  # (2, W·B) body of each slot, now and while being sorted
     row: wp.array(dtype=wp.int32)  # (1) which row of `place` is now
     turn: wp.array(dtype=wp.int32)  # (1) which row of `order` is now

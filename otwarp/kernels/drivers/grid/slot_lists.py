@@ -1,7 +1,7 @@
 """Neighbour lists of the slots of a CPU: what `neighbours` lists, found 16 at a time and kept one after the other.
 
 A list is a row of pairs (see `otwarp.kernels.cpu.pair_block`), and the lists of a world follow each other without gaps,
-so that a step reads them through. They are in no order; of what touches a sphere the step makes one.
+so that a step reads them through. Each pair is in one list, that of its first slot, in no order.
 """
 
 import warp as wp
@@ -22,7 +22,7 @@ def list_slot_term(f: Features) -> wp.Function:
 
     @wp.func
     def neighbours_of(model: ModelData, grid: GridData, world: int, i: int, place: wp.vec4, at: int) -> int:
-        """How many there are; of more than `NEIGHBOURS` the first are listed."""
+        """How many there are in later slots; of more than `NEIGHBOURS` the first are listed."""
         n = grid.near
         here = point_of(place)
         k = (i - world * n.elements) % PAIRS
@@ -48,7 +48,10 @@ def list_slot_term(f: Features) -> wp.Function:
             if radius_of(place) > 0.0:
                 near_wall = walled(model, grid, centre, radius_of(place))
             n.walled[i] = near_wall
-        n.count[i] = wp.where(found > NEIGHBOURS, FULL, found)
+        n.count[i] = found
+        if found > NEIGHBOURS:
+            n.count[i] = FULL
+            n.full[world] = 1
         return at + wp.where(found > NEIGHBOURS, 0, found)
 
     return list_slot
@@ -77,6 +80,7 @@ def make_slot_list(f: Features) -> wp.Kernel:
         first = world * grid.near.elements
         last = first + grid.near.elements
         at = first * NEIGHBOURS
+        grid.near.full[world] = 0
         for i in range(first, last):
             at = list_slot(model, grid, world, i, at)
         if world == 0:
@@ -93,7 +97,7 @@ def touching_pairs_term(f: Features) -> wp.Function:
     def touching_pairs(
         model: ModelData, grid: GridData, first: int, count: int, chosen: wp.array(dtype=wp.int32)
     ) -> int:
-        """How many; for each slot they ascend by body, so that sums do not depend on when lists were made."""
+        """How many; each pair once, its first slot among these."""
         n = grid.near
         found = int(0)
         for begin in range(first, first + count, PAIRS):

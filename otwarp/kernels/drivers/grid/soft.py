@@ -11,141 +11,45 @@ the places at the start of the step, and writes its own at the end.
 import warp as wp
 
 from otwarp.kernels.bodies.bead import bead_constants_term
-from otwarp.kernels.contact.contact import NO_CONTACT, pair_law
-from otwarp.kernels.contact.curvature import relative_radius_term
-from otwarp.kernels.contact.obstacles import distance_term, moving_pose, still_pose
-from otwarp.kernels.core.faults import OVERLAP_LIMIT, Fault, finite, raise_fault
+from otwarp.kernels.core.faults import FARTHEST, Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity
-from otwarp.kernels.core.packed import beside, distance_of, point_of, radius_of
+from otwarp.kernels.core.packed import beside, point_of, radius_of
 from otwarp.kernels.core.periodic import kept_in_cell, nearest
 from otwarp.kernels.core.recycling import has_left
 from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, Pose, ReadoutData, StateData
+from otwarp.kernels.cpu.move_block import MOVES, move_block_term
 from otwarp.kernels.cpu.noise_block import address_of
 from otwarp.kernels.drivers.grid.data import GridData
 from otwarp.kernels.drivers.grid.move import BLOCK, bead_move_term, draw_block_term
 from otwarp.kernels.drivers.grid.neighbours import FULL, NEIGHBOURS, check_moved, next_in_cells_term
-from otwarp.kernels.drivers.grid.slot_lists import touching_pairs_term
+from otwarp.kernels.drivers.grid.pushes import QUANTA, listed_once_term, push_pairs_term
+from otwarp.kernels.drivers.grid.soft_forces import SoftForce, soft_pair_term, soft_walls_term
+from otwarp.kernels.forces.table import FORCES, active_forces
 from otwarp.kernels.hydrodynamics.walls import out_of_walls
+from otwarp.kernels.integrate.integrators import INTEGRATORS
 from otwarp.kernels.optics.escapes import escape_term
 
 AT_ONCE = 128
-"""Spheres that a CPU takes through each part of a step before the next: their sums stay near the processor."""
-
-
-@wp.struct
-class SoftForce:
-    """Net contact force on a sphere [pN], and the sum of the normal forces."""
-
-    force: wp.vec3
-    load: float
-
-
-def soft_pair_term(f: Features) -> wp.Function:
-    """`(model, readout, grid, world, a, here, j, step) -> SoftForce` of the sphere in slot j on body a."""
-
-    @wp.func
-    def soft_pair(
-        model: ModelData,
-        readout: ReadoutData,
-        grid: GridData,
-        world: int,
-        a: int,
-        here: wp.vec4,
-        j: int,
-        step: wp.int64,
-    ) -> SoftForce:
-        """Force and load [pN] on body a, whose centre and radius [µm] are `here`."""
-        out = SoftForce(wp.vec3(0.0), 0.0)
-        there = grid.place[grid.row[0], j]
-        way = wp.vec3(here[0] - there[0], here[1] - there[1], here[2] - there[2])
-        if wp.static(f.periodic):
-            way = nearest(model.period, way)
-        both = radius_of(here) + radius_of(there)
-        far = both + grid.near.reach
-        square = wp.length_sq(way)
-        if square < far * far:
-            overlap = both - wp.sqrt(square)
-            least = wp.min(radius_of(here), radius_of(there))
-            if overlap > OVERLAP_LIMIT * least:
-                raise_fault(readout, world, a, wp.static(int(Fault.OVERLAP)), step)
-            b = grid.order[grid.turn[0], j]
-            law = pair_law(model.contact, a, b, radius_of(here) * radius_of(there) / both, overlap)
-            out.force = law.force * wp.normalize(way)
-            out.load = wp.abs(law.force)
-        return out
-
-    return soft_pair
-
-
-def soft_walls_term(f: Features) -> wp.Function:
-    """`(model, readout, grid, world, a, here, step) -> SoftForce` of the obstacles."""
-    pose_at = moving_pose if f.moving_obstacles else still_pose
-    distance_to = distance_term(f.obstacles)
-    relative_radius = relative_radius_term(f.obstacles)
-
-    @wp.func
-    def soft_walls(
-        model: ModelData, readout: ReadoutData, grid: GridData, world: int, a: int, here: wp.vec4, step: wp.int64
-    ) -> SoftForce:
-        """Sum of force and load [pN] over the obstacles within reach."""
-        out = SoftForce(wp.vec3(0.0), 0.0)
-        time = wp.float64(step) * model.time_step
-        far = radius_of(here) + grid.near.reach
-        for o in range(model.obstacles.shape.shape[0]):
-            wall = pose_at(model.obstacles, o, time)
-            away = point_of(here) - wall.position
-            if wp.static(f.periodic):
-                away = nearest(model.period, away)
-            if wp.length(away) < far + model.obstacles.bound[o]:
-                local = wp.quat_rotate_inv(wall.rotation, away)
-                hit = distance_to(model.obstacles, o, local, far)
-                if distance_of(hit) < far:
-                    overlap = radius_of(here) - distance_of(hit)
-                    if overlap > OVERLAP_LIMIT * radius_of(here):
-                        raise_fault(readout, world, a, wp.static(int(Fault.OVERLAP)), step)
-                    outward = point_of(hit)
-                    relative = relative_radius(model.obstacles, o, local, outward, radius_of(here))
-                    law = pair_law(model.contact, a, NO_CONTACT, relative, overlap)
-                    out.force += law.force * wp.quat_rotate(wall.rotation, outward)
-                    out.load += wp.abs(law.force)
-        return out
-
-    return soft_walls
+"""Spheres that a CPU takes through each part of a step before the next: what they need stays near the processor."""
 
 
 def soft_contacts_term(f: Features) -> wp.Function:
-    """`(model, state, readout, grid, world, i, a, here, step, total) -> SoftForce` on the sphere in slot i, body a.
-
-    `total` is what pairs exert that are not looked for here: on a CPU those of the list, see `listed_pairs_term`.
-    """
+    """`(model, state, readout, grid, world, i, a, here, step) -> SoftForce` on the sphere in slot i, body a."""
     walls = soft_walls_term(f) if f.obstacles else None
-    soft_pair = soft_pair_term(f) if f.pairs else None
-    next_in_cells = next_in_cells_term(f) if f.pairs else None
+    pairs = (listed_once_term(f) if f.lanes else listed_twice_term(f)) if f.pairs else None
 
     @wp.func
     def soft_contacts(
         model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, world: int, i: int, a: int,
-        here: wp.vec4, step: wp.int64, total: SoftForce,
+        here: wp.vec4, step: wp.int64,
     ) -> SoftForce:  # fmt: skip
-        """Sum of force and load [pN] over the neighbours in the order of their bodies, then over obstacles."""
-        n = grid.near
+        """Sum of force and load [pN] over the neighbours, then over obstacles."""
+        total = SoftForce()
         if wp.static(f.pairs):
-            count = n.count[i]
-            if wp.static(not f.lanes):
-                for k in range(count):
-                    one = soft_pair(model, readout, grid, world, a, here, n.neighbour[i * n.stride + k * n.pitch], step)
-                    total.force += one.force
-                    total.load += one.load
-            if count == FULL:
-                j = next_in_cells(model, state, grid, world, i, -1)
-                while j >= 0:
-                    one = soft_pair(model, readout, grid, world, a, here, j, step)
-                    total.force += one.force
-                    total.load += one.load
-                    j = next_in_cells(model, state, grid, world, i, j)
+            total = pairs(model, state, readout, grid, world, i, a, here, step)
         if wp.static(bool(f.obstacles)):
-            if n.walled[i] != 0:
+            if grid.near.walled[i] != 0:
                 one = walls(model, readout, grid, world, a, here, step)
                 total.force += one.force
                 total.load += one.load
@@ -154,8 +58,37 @@ def soft_contacts_term(f: Features) -> wp.Function:
     return soft_contacts
 
 
+def listed_twice_term(f: Features) -> wp.Function:
+    """`(model, state, readout, grid, world, i, a, here, step) -> SoftForce` of the neighbours in its list."""
+    soft_pair, next_in_cells = soft_pair_term(f), next_in_cells_term(f)
+
+    @wp.func
+    def listed_twice(
+        model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, world: int, i: int, a: int,
+        here: wp.vec4, step: wp.int64,
+    ) -> SoftForce:  # fmt: skip
+        """Sum of force and load [pN] in the order of their bodies, so that it does not depend on that of slots."""
+        n = grid.near
+        total = SoftForce()
+        count = n.count[i]
+        for k in range(count):
+            one = soft_pair(model, readout, grid, world, a, here, n.neighbour[i * n.stride + k * n.pitch], step)
+            total.force += one.force
+            total.load += one.load
+        if count == FULL:
+            j = next_in_cells(model, state, grid, world, i, -1)
+            while j >= 0:
+                one = soft_pair(model, readout, grid, world, a, here, j, step)
+                total.force += one.force
+                total.load += one.load
+                j = next_in_cells(model, state, grid, world, i, j)
+        return total
+
+    return listed_twice
+
+
 def step_slot_term(f: Features) -> wp.Function:
-    """`(model, control, state, readout, grid, world, i, bead, block, k, pairs)`: one step of the sphere in slot i."""
+    """`(model, control, state, readout, grid, world, i, bead, block, k)`: one step of the sphere in slot i."""
     bead_move = bead_move_term(f)
     contacts = soft_contacts_term(f)
     record_escapes = escape_term(f) if f.escapes else None
@@ -163,7 +96,7 @@ def step_slot_term(f: Features) -> wp.Function:
     @wp.func
     def step_slot(
         model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData,
-        world: int, i: int, bead: BeadConstants, block: wp.uint64, k: int, pairs: SoftForce,
+        world: int, i: int, bead: BeadConstants, block: wp.uint64, k: int,
     ):  # fmt: skip
         """Move the sphere in slot i by its free move and contact forces, unless the body has a fault."""
         row = grid.row[0]
@@ -172,7 +105,7 @@ def step_slot_term(f: Features) -> wp.Function:
         step = grid.clock[0]
         pose = Pose(point_of(here), wp.quat_identity())
         move, _drift = bead_move(model, control, state, grid, bead, world, b, pose.position, block, k)
-        touch = contacts(model, state, readout, grid, world, i, b, here, step, pairs)
+        touch = contacts(model, state, readout, grid, world, i, b, here, step)
         scale = step_over_viscosity(model, world)
         moved = pose.position + move + (scale * model.body.translation[model.body.shape[b]]) * touch.force
         if not finite(moved):
@@ -223,37 +156,13 @@ def make_soft_slots(f: Features) -> wp.Kernel:
         first = world * model.bodies
         for i in range(first + share * size, first + wp.min((share + 1) * size, model.bodies)):
             bead = bead_constants(model, control, world, grid.order[grid.turn[0], i])
-            step_slot(model, control, state, readout, grid, world, i, bead, wp.uint64(0), 0, SoftForce())
+            step_slot(model, control, state, readout, grid, world, i, bead, wp.uint64(0), 0)
 
     return soft_step
 
 
-def listed_pairs_term(f: Features) -> wp.Function:
-    """`(model, readout, grid, world, first, count, chosen, sums)`: contact forces of the lists of `count` slots."""
-    soft_pair = soft_pair_term(f)
-    touching_pairs = touching_pairs_term(f)
-
-    @wp.func
-    def listed_pairs(
-        model: ModelData, readout: ReadoutData, grid: GridData, world: int, first: int, count: int,
-        chosen: wp.array(dtype=wp.int32), sums: wp.array(dtype=SoftForce),
-    ):  # fmt: skip
-        """Write the sums of force and load [pN] on the slots first … first + count − 1."""
-        for k in range(count):
-            sums[k] = SoftForce()
-        step = grid.clock[0]
-        for t in range(touching_pairs(model, grid, first, count, chosen)):
-            i = chosen[2 * t]
-            a = grid.order[grid.turn[0], i]
-            one = soft_pair(model, readout, grid, world, a, grid.place[grid.row[0], i], chosen[2 * t + 1], step)
-            sums[i - first].force += one.force
-            sums[i - first].load += one.load
-
-    return listed_pairs
-
-
 def step_alike_term(f: Features) -> wp.Function:
-    """`(model, control, state, readout, grid, world, i, last, block, k, sums) -> int`: one step of some slots.
+    """`(model, control, state, readout, grid, world, i, last, block, k) -> int`: one step of some slots.
 
     From slot i on, up to `last` − 1, as far as the constants of the first serve; returns the next slot. Spheres of one
     shape that no trap acts on have all but their weight in common.
@@ -264,7 +173,7 @@ def step_alike_term(f: Features) -> wp.Function:
     @wp.func
     def step_alike(
         model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData, world: int,
-        first: int, last: int, block: wp.uint64, k: int, sums: wp.array(dtype=SoftForce),
+        first: int, last: int, block: wp.uint64, k: int,
     ) -> int:  # fmt: skip
         """Move the spheres of like constants in the slots from `first` on."""
         i = int(first)
@@ -277,7 +186,7 @@ def step_alike_term(f: Features) -> wp.Function:
                 bead.weight = model.body.weight[b]
             at = k + i - first
             noise = block + wp.uint64(4 * 3 * (at - at % BLOCK))
-            step_slot(model, control, state, readout, grid, world, i, bead, noise, at % BLOCK, sums[at])
+            step_slot(model, control, state, readout, grid, world, i, bead, noise, at % BLOCK)
             i += 1
             alike = wp.static(not f.trap_models) and i < last
             if alike:
@@ -288,33 +197,75 @@ def step_alike_term(f: Features) -> wp.Function:
     return step_alike
 
 
+def moves_in_blocks(f: Features) -> bool:
+    """Whether noise, weight and contacts are all that may act on a sphere: then 16 move at once."""
+    known = {FORCES["gravity"]} if f.gravity else set()
+    plain = (
+        set(active_forces(f)) == known and f.flow is None and not f.walls and INTEGRATORS[f.integrator].noise_ahead == 0
+    )
+    return plain and f.pairs and f.brownian and not (f.periodic or f.inlet or f.escapes or f.moving_obstacles)
+
+
+def move_some_term(f: Features) -> wp.Function:
+    """`(model, control, readout, grid, world, i, deviates, at) -> int`: move 16 slots from i on, if that is so."""
+    bead_constants = bead_constants_term(f)
+    move_block = move_block_term(f.gravity, bool(f.obstacles))
+
+    @wp.func
+    def move_some(
+        model: ModelData, control: ControlData, readout: ReadoutData, grid: GridData, world: int, i: int,
+        deviates: wp.array(dtype=wp.float32), at: int,
+    ) -> int:  # fmt: skip
+        """How many have moved: 16, or none where a fault or an obstacle is near, or a result is asked for."""
+        if readout.fault_count[0] != 0 or grid.clock[0] + wp.int64(1) == grid.until[0]:
+            return 0
+        bead = bead_constants(model, control, world, grid.order[grid.turn[0], i])
+        done = move_block(
+            grid.place, grid.row[0], grid.order, grid.turn[0], i, model.body.shape, model.body.translation.shape[0],
+            model.body.weight, grid.near.walled, bead.spread, bead.mobility_dt, QUANTA, FARTHEST, deviates, at,
+            grid.push, grid.near.reference, grid.near.skin,
+        )  # fmt: skip
+        if done == 2:
+            grid.near.stale[0] = 1
+        return wp.where(done > 0, MOVES, 0)
+
+    return move_some
+
+
 def make_soft_blocks(f: Features) -> wp.Kernel:
-    """The same on a CPU, `AT_ONCE` spheres at a time: their noise, what touches them, their moves."""
+    """The same on a CPU, `AT_ONCE` spheres at a time: what touches them, their noise, their moves."""
     draw_block = draw_block_term(f)
-    listed_pairs = listed_pairs_term(f) if f.pairs else None
+    push_pairs = push_pairs_term(f) if f.pairs else None
+    move_some = move_some_term(f) if moves_in_blocks(f) else None
     step_alike = step_alike_term(f)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
     def soft_step(
         model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData, size: int
     ):
-        """One step of the spheres in the `size` slots of one share of a world."""
-        world, share = wp.tid()
+        """One step of the spheres in the `size` slots of one share of a world, of which there is one."""
+        world, _share = wp.tid()
         deviates = wp.zeros(shape=(wp.static(3 * AT_ONCE),), dtype=wp.float32)
         chosen = wp.zeros(shape=(wp.static(2 * AT_ONCE * NEIGHBOURS + 2),), dtype=wp.int32)
-        sums = wp.zeros(shape=(AT_ONCE,), dtype=SoftForce)
-        first = world * model.bodies + share * size
-        end = wp.min(first + size, (world + 1) * model.bodies)
+        first = world * model.bodies
+        end = first + size
         for i0 in range(first, end, AT_ONCE):
             count = wp.min(AT_ONCE, end - i0)
+            if wp.static(f.pairs):
+                # pairs push later slots alone, so that these have then been pushed by all
+                push_pairs(model, state, readout, grid, world, i0, count, chosen)
             for k0 in range(0, count, BLOCK):
                 draw_block(model, grid, deviates, 3 * k0, world, i0 + k0, wp.min(BLOCK, count - k0))
-            if wp.static(f.pairs):
-                listed_pairs(model, readout, grid, world, i0, count, chosen, sums)
             i = int(i0)
             while i < i0 + count:
-                noise = address_of(deviates, 0)
-                i = step_alike(model, control, state, readout, grid, world, i, i0 + count, noise, i - i0, sums)
+                last = i0 + count
+                if wp.static(moves_in_blocks(f)):
+                    last = wp.min(i + MOVES, last)
+                    if last - i == MOVES:
+                        i += move_some(model, control, readout, grid, world, i, deviates, 3 * (i - i0))
+                while i < last:
+                    noise = address_of(deviates, 0)
+                    i = step_alike(model, control, state, readout, grid, world, i, last, noise, i - i0)
 
     return soft_step
 

@@ -35,7 +35,10 @@ def grid_stepper(sim: Simulation) -> GridStepper | BlockStepper:
 
 
 def listed(sim: Simulation) -> list[dict[int, list[int]]]:
-    """Per world the neighbours of every sphere (numbered as in the scene), in the order of its list; -1: full."""
+    """Per world the neighbours of every sphere (numbered as in the scene), in the order of its list; -1: full.
+
+    Slots on a CPU list each pair once and in no order; here both have it, ascending.
+    """
     near = grid_stepper(sim).scratch.near
     count, neighbour = near.count.numpy(), near.neighbour.numpy()
     elements, worlds = near.elements, sim.model.worlds
@@ -45,17 +48,21 @@ def listed(sim: Simulation) -> list[dict[int, list[int]]]:
         names = grid.order.numpy()[grid.turn.numpy()[0]].reshape(worlds, elements)
     out = []
     for w in range(worlds):
-        lists = {}
+        lists: dict[int, list[int]] = {int(name): [] for name in names[w]}
         for e in range(elements):
-            i = w * elements + e
+            i, own = w * elements + e, int(names[w, e])
             found = range(max(count[i], 0))
             if len(near.begin):
-                entries = [neighbour[near.begin.numpy()[i] + k] // PAIRS - w * elements for k in found]
-                # those of slots on a CPU are in no order
-                entries.sort(key=lambda j: names[w, j])
+                for k in found:
+                    other = int(names[w, neighbour[near.begin.numpy()[i] + k] // PAIRS - w * elements])
+                    lists[own].append(other)
+                    lists[other].append(own)
             else:
                 entries = [neighbour[i * near.stride + k * near.pitch] - w * elements for k in found]
-            lists[int(names[w, e])] = [FULL] if count[i] == FULL else [int(names[w, j]) for j in entries]
+                lists[own] = [int(names[w, j]) for j in entries]
+        if len(near.begin):
+            lists = {own: sorted(entries) for own, entries in lists.items()}
+        lists |= {int(names[w, e]): [FULL] for e in range(elements) if count[w * elements + e] == FULL}
         out.append(lists)
     return out
 

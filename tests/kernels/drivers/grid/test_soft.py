@@ -9,12 +9,13 @@ import pytest
 import warp as wp
 
 from otwarp.errors import SimulationError
+from otwarp.kernels.drivers.grid import soft
 from otwarp.scene import Scene
 from otwarp.simulation.drivers.block_stepper import BlockStepper
 from otwarp.simulation.drivers.grid_stepper import GridStepper
 from otwarp.simulation.model import Model
 from otwarp.simulation.simulation import Simulation
-from tests.reference.contact import sphere_obstacle, sphere_pair
+from tests.reference.contact import sphere_obstacle
 from tests.simulation.crowds import SOFT, crowd, jumbled, places
 from tests.simulation.setups import drag, harmonic, line, neutral, obstacle
 
@@ -36,41 +37,6 @@ def soft_simulation(scene: Scene, **more) -> Simulation:
     sim = Simulation(scene, **{"integrator": "eulerMaruyama", "allow_large_step": True, **more})
     assert sim.model.features.soft_contacts
     return sim
-
-
-def forces_between(where: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Net force (n, 3) and sum of normal forces (n,) in float64, floor included."""
-    net, load = np.zeros((len(where), 3)), np.zeros(len(where))
-    for i in range(len(where)):
-        for j in range(len(where)):
-            distance = float(np.linalg.norm(where[i] - where[j]))
-            if j != i and distance < radii[i] + radii[j]:
-                force = sphere_pair(SOFT, radii[i], SOFT, radii[j], distance)[0]
-                net[i] += force * (where[i] - where[j]) / distance
-                load[i] += abs(force)
-        if where[i, 2] < radii[i]:
-            force = sphere_obstacle(SOFT, radii[i], where[i, 2])[0]
-            net[i, 2] += force
-            load[i] += abs(force)
-    return net, load
-
-
-def test_one_step_moves_by_the_forces_of_all_pairs(device):
-    """Cold: Δx = F·dt/6πηa, to rounding, in two worlds whose spheres are elsewhere."""
-    scene = packed()
-    radii = np.array([b.spheres[0].radius for b in scene.bodies])
-    sim = soft_simulation(scene, worlds=2, device=device)
-    start = places(sim) + np.array([[[0.0, 0.0, 0.0]], [[0.02, 0.01, -0.01]]])
-    sim.set_state(position=start)
-    start = places(sim)
-    sim.step()
-    moved = places(sim) - start
-    for world in range(2):
-        net, load = forces_between(start[world], radii)
-        assert (load > 0.0).sum() > 30
-        np.testing.assert_allclose(moved[world], net * sim.time_step / drag(radii[:, None]), rtol=0, atol=ROUNDING)
-        np.testing.assert_allclose(sim.readout.contact_load.numpy()[world], load, rtol=1e-3, atol=1e-4)
-        np.testing.assert_allclose(sim.readout.contact_force.numpy()[world], net, rtol=1e-3, atol=1e-4)
 
 
 def bits(sim: Simulation, worlds: int | None = None) -> dict[str, bytes]:
@@ -120,6 +86,27 @@ def test_a_run_continues_from_its_state(make):
     second.state.step = 23
     second.step(27)
     assert bits(second)["position"] == bits(whole)["position"]
+
+
+@pytest.mark.cpu_forms
+@pytest.mark.parametrize("floor", [True, False], ids=["above a floor", "alone"])
+@pytest.mark.parametrize("gravity", [True, False], ids=["heavy", "neutral"])
+def test_blocks_of_moves_have_the_bits_of_single_ones(gravity, floor, device, monkeypatch):
+    """Of two sizes in no order, so that some blocks are of one and others of both; a tail fills no block."""
+    where = jumbled(150) + np.array([0.0, 0.0, 6.6])
+    radii = np.where(np.arange(150) < 50, 0.9, 1.0)
+    obstacles = (obstacle("Floor", "plane", (0, 0, 0)),) if floor else ()
+    scene = crowd(where, radii, obstacles=obstacles, time_step=8e-4, temperature=HOT)
+    scene = dataclasses.replace(scene, settings=dataclasses.replace(scene.settings, gravity=gravity))
+    found = []
+    for blocks in (True, False):
+        if not blocks:
+            monkeypatch.setattr("otwarp.kernels.drivers.grid.soft.moves_in_blocks", lambda f: False)
+        sim = soft_simulation(scene, worlds=2, seed=4, device=device)
+        assert soft.moves_in_blocks(sim.model.features) == blocks
+        sim.step(40)
+        found.append(bits(sim))
+    assert found[0] == found[1]
 
 
 def test_third_law(device):
