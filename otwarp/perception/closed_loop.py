@@ -128,10 +128,10 @@ class ClosedLoop:
         self._open.clear()
 
     @property
-    def blind(self) -> frozenset[int]:
-        """Traps that hold a body which should be seen and is not."""
-        lost = {body.index for body in self.bodies if not body.seen}
-        return frozenset(int(t) for t in np.flatnonzero(np.isin(self._holds, list(lost)))) if lost else frozenset()
+    def blind(self) -> dict[int, str]:
+        """Traps that hold a body which should be seen and is not, and why."""
+        lost = {body.index: f"{body.name} is lost: {body.why}" for body in self.bodies if not body.seen}
+        return {trap: lost[int(body)] for trap, body in enumerate(self._holds) if int(body) in lost}
 
     @property
     def warnings(self) -> tuple[str, ...]:

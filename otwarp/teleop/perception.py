@@ -91,8 +91,8 @@ class Perception(Protocol):
         ...
 
     @property
-    def blind(self) -> frozenset[int]:
-        """Traps that hold a body which should be seen and is not: their hands must feel nothing."""
+    def blind(self) -> Mapping[int, str]:
+        """Traps that hold a body which should be seen and is not, and why, one line: their hands must feel nothing."""
         ...
 
     @property

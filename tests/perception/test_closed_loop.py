@@ -135,6 +135,10 @@ def test_what_is_not_seen_is_not_felt(lab, change, said, at_once):
     (line,) = (w for w in one.stage.watcher.frames[-1].warnings if "nothing is felt of" in w)
     assert said in line and "\n" not in line
     assert not at_once or one.perception.now().ended
+    # who has no page reads it as news of the hand, once, and not that its watchdog disarmed it
+    first, news = one.stage.news
+    assert "is lost: not seen yet" in first and said in news
+    assert news.startswith("right hand: feels nothing until it is seen again: /World/bead_right is lost: ")
 
 
 class Blinking:
@@ -171,6 +175,18 @@ def test_who_is_disarmed_while_lost_stays_so(lab):
     one.stage.loop.hands.arm(None, on=False)
     one.run(44)
     assert one.state == "disarmed" and not one.perception.warnings
+
+
+def test_what_is_lost_twice_in_a_row_comes_back(lab):
+    """A body that is lost again before the servo has told that its hand was armed."""
+    one = lab()
+    one.run(40)
+    hands = one.stage.loop.hands
+    assert one.state == "armed"
+    for traps in ({0: "lost"}, {}, {0: "lost"}, {}):
+        hands.withhold(traps)
+    one.run(20)
+    assert one.state == "armed"
 
 
 def test_frames_out_of_order_are_put_in_at_their_time(lab):

@@ -7,8 +7,8 @@ programs together command of the traps, written in one go.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
-from collections.abc import Set as AbstractSet
 from dataclasses import replace
 
 import numpy as np
@@ -53,6 +53,7 @@ class Hands:
         self._reported = [""] * len(self._names)
         self._blind = [False] * len(self._names)
         self._resume = [False] * len(self._names)
+        self._causes = [""] * len(self._names)
         self.status: ServoStatus | None = None
         self.engine = ""
         self.frames: tuple[HandFrame, ...] = tuple(
@@ -100,6 +101,8 @@ class Hands:
                 if now is not None and residue.zero:  # what the servo sent last is not there any more
                     now = replace(now, force=ZERO, state="disarmed")
             present = reported is not None and reported.present and residue is None
+            # a device that went away while its body was not seen comes back as after any loss: disarmed
+            self._resume[n] = self._resume[n] and (present or reported is None)
             frames.append(replace(frame, now=now, present=present, message=message))
         self.frames = tuple(frames)
         if self._dead:
@@ -111,22 +114,30 @@ class Hands:
         if now is None:
             return
         armed = now.state in ("ramping", "armed", "decaying")
+        if self._blind[n]:
+            self._armed[n] = armed  # it was let go, and its note says of what
+            return
         if self._armed[n] and now.state == "disarmed":
             nobody = self.frames[n].device == "mouse" and not now.buttons
             why = "no window of the page holds it" if nobody else "no fresh state of simulation or device for 0.1 s"
             self._notes[n] = f"disarmed, for {why}; arm it again"
         elif armed:
-            self._notes[n] = ""
+            self._notes[n], self._resume[n] = "", False
         self._armed[n] = armed
 
     def news(self) -> list[str]:
-        """What each hand has to say that it did not say before, one line each."""
+        """What each hand has to say that it did not say before, one line each.
+
+        What it holds may come and go several times a second: for the same cause that is said once.
+        """
         lines = []
         for n, hand in enumerate(self.frames):
             if hand.message != self._reported[n]:
                 self._reported[n] = hand.message
-                if hand.message:
+                cause = re.sub(r"[\d.]+", "", hand.message) if self._blind[n] else ""
+                if hand.message and not (cause and cause == self._causes[n]):
                     lines.append(f"{hand.name} hand: {hand.message}")
+                self._causes[n] = cause or self._causes[n]
         return lines
 
     def publish(self, scene: SceneFrame | None) -> None:
@@ -150,26 +161,30 @@ class Hands:
         for n in indices:
             if self._blind[n]:
                 self._resume[n] = on  # it is armed once what it holds is seen
-            else:
-                (self._servo.arm if on else self._servo.disarm)(n)
-            self._armed[n], self._notes[n] = False, ""
+                continue
+            (self._servo.arm if on else self._servo.disarm)(n)
+            self._armed[n], self._resume[n], self._notes[n] = False, False, ""
 
-    def withhold(self, traps: AbstractSet[int]) -> None:
+    def withhold(self, traps: Mapping[int, str]) -> None:
         """Let the forces of hands fall that move one of these traps; the others' come back by the ramp.
 
         Args:
-            traps: Whose bodies a camera should see and does not.
+            traps: Whose bodies a camera should see and does not, and why, one line each.
         """
         if self._servo is None or self._dead:
             return
         for n, frame in enumerate(self.frames):
-            blind = not traps.isdisjoint(frame.traps)
-            if blind and not self._blind[n]:
-                self._resume[n], self._armed[n] = self._armed[n], False
+            why = next((line for trap, line in traps.items() if trap in frame.traps), "")
+            if why and not self._blind[n]:
+                # one that was ordered to come back, and has not yet, is to come back as well
+                self._resume[n], self._armed[n] = self._armed[n] or self._resume[n], False
+                self._notes[n] = f"feels nothing until it is seen again: {why}"
                 self._servo.disarm(n)
-            elif self._blind[n] and not blind and self._resume[n]:
-                self._servo.arm(n)
-            self._blind[n] = blind
+            elif self._blind[n] and not why:
+                self._notes[n] = ""
+                if self._resume[n]:
+                    self._servo.arm(n)
+            self._blind[n] = bool(why)
 
     def set_gains(self, hand: str, motion_gain: float | None, force_gain: float | None) -> None:
         """Change gains in mid-run [µm/m, N/pN].
