@@ -5,12 +5,13 @@ script of `CellDelivery` moves both hands by what it sees 20 times a second. In 
 (1 − a) of what the chain makes of the hand, and by a of what the policy wants; the chain is told where they have come
 to, so that hands feel the traps where they are, and operators see the difference and take it back as any other.
 
-`python -m benchmarks.envs_shared [--write]` puts the table on docs/benchmarks/envs_learning.md.
+`python -m benchmarks.envs_shared [--write]` puts the tables on docs/benchmarks/envs_learning.md.
 """
 
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -33,12 +34,16 @@ from otwarp.scene import Scene
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "benchmarks" / "envs_learning.md"
-BEGIN, END = "<!-- begin envs_learning operators -->", "<!-- end envs_learning operators -->"
+BEGIN, END = "<!-- begin envs_learning {} -->", "<!-- end envs_learning {} -->"
 AUTHORITIES = (0.0, 0.25, 0.5, 0.75, 1.0)
 RATE = 20.0
 """Decisions of the policy a second [Hz]."""
 LOOK = 5
 """Decisions between looks whether anybody is still at work."""
+CUBE, NEAR_CUBE = "/World/Obstacles/cube_2", 110.0
+"""A moving obstacle, and how far along the path a cell is just before it [µm]."""
+CHANGED = ("nothing", f"no {CUBE.rsplit('/', 1)[-1]}", "operators correct nothing that they see")
+"""What differs in the trials that say why robots are lost."""
 
 
 @wp.kernel(enable_backward=False)
@@ -107,53 +112,87 @@ class SharedLoop(Loop):
         velocity[:, :, :2] = SPEED_LIMIT * action.reshape(worlds, -1, 2)
         self.lent.assign(velocity)
 
-    def finish(self) -> None:
-        """Go on until nobody is at work any more."""
-        decisions = 0
+    def finish(self, carrier: Carrier) -> np.ndarray:
+        """Go on until nobody is at work any more.
+
+        Args:
+            carrier: The policy, which knows how far cells have come.
+
+        Returns:
+            (W) times at which cells came near the cube [s], NaN for never.
+        """
+        decisions, arrived = 0, np.full(self.sim.model.worlds, np.nan)
         while decisions % LOOK or self.running:
             self.decide(first=decisions == 0)
+            arrived[np.isnan(arrived) & (carrier.done >= NEAR_CUBE)] = decisions / RATE
             self.run(1.0 / RATE)
             decisions += 1
+        return arrived
 
 
-def study(operators: int, condition: str) -> OperatorStudy:
-    """Who takes part."""
+def study(operators: int, condition: str, without: str = "") -> OperatorStudy:
+    """Who takes part, in the shipped scene or in one without an obstacle."""
     scene = Scene.load(ROOT / "scenes" / "cell_delivery.usda")
+    scene = replace(scene, obstacles=tuple(o for o in scene.obstacles if o.prim != without))
     return OperatorStudy(scene=scene, operators=operators, seed=1, conditions=(condition,), chunk=operators)
 
 
-def trials(asked: OperatorStudy, authority: float, device: str) -> np.ndarray:
-    """(n) outcomes of all operators."""
+def trials(
+    asked: OperatorStudy, authority: float, device: str, *, correct: bool = True
+) -> tuple[np.ndarray, np.ndarray]:
+    """(n) outcomes of all operators, and times at which their cells came near the cube [s]."""
     task, people = asked.task, asked.persons(np.arange(asked.count))
+    if not correct:
+        people["correction"] = 0.0
     speed = float(np.linalg.norm(np.diff(task.path[0], axis=0), axis=1).sum() / task.end)
     how = {"seed": asked.seed, "device": device, "time_step": asked.time_step, "frame_rate": asked.frame_rate}
-    loop = SharedLoop(task, people, Carrier(speed=speed), authority, **how)
-    loop.finish()
-    return loop.sim.episodes.done.numpy()
+    carrier = Carrier(speed=speed)
+    loop = SharedLoop(task, people, carrier, authority, **how)
+    arrived = loop.finish(carrier)
+    return loop.sim.episodes.done.numpy(), arrived
 
 
-def row(condition: str, authority: float, outcome: np.ndarray) -> str:
-    """A line of the table for (n) outcomes."""
+def row(first: str, second: str, outcome: np.ndarray, arrived: np.ndarray) -> str:
+    """A line of a table for (n) outcomes and arrivals [s]."""
     good, count = int(np.count_nonzero(outcome == REACHED)), len(outcome)
     rate, interval = good / count, binomtest(good, count).proportion_ci(0.95, method="exact")
     error = np.sqrt(rate * (1.0 - rate) / count)
     failed = [code for code in np.unique(outcome) if code != REACHED]
     others = ", ".join(f"{OUTCOMES[code]} {np.count_nonzero(outcome == code)}" for code in failed)
     delivered = f"{rate:.3f} [{interval.low:.3f}, {interval.high:.3f}]"
-    return f"| {authority:.2f} | {condition} | {delivered} | {error:.3f} | {others or '–'} |"
+    came = arrived[~np.isnan(arrived)]
+    when = " to ".join(f"{t:.1f}" for t in np.quantile(came, (0.25, 0.75))) if len(came) else "–"
+    return f"| {first} | {second} | {delivered} | {error:.3f} | {others or '–'} | {when} |"
+
+
+def head(first: str, second: str, operators: int) -> list[str]:
+    """Head of a table."""
+    return [
+        f"| {first} | {second} | delivered of {operators}, 95 % interval | standard error | how the others ended | "
+        "s to the cube, middle half |",
+        "|---|---|---:|---:|---|---:|",
+    ]
 
 
 def table(operators: int, device: str) -> str:
     """Deliveries by authority, with and without haptics."""
-    lines = [
-        f"| share of the policy | haptics | delivered of {operators}, 95 % interval | standard error | "
-        "how the others ended |",
-        "|---:|---|---:|---:|---|",
-    ]
+    lines = head("share of the policy", "haptics", operators)
     for condition in ("without", "with"):
         for authority in AUTHORITIES:
             print(f"{condition}, {authority:g}", flush=True)
-            lines.append(row(condition, authority, trials(study(operators, condition), authority, device)))
+            lines.append(row(f"{authority:.2f}", condition, *trials(study(operators, condition), authority, device)))
+    return "\n".join(lines)
+
+
+def reasons(operators: int, device: str, authority: float = 0.75) -> str:
+    """Why robots are lost at one authority: the same with one thing changed."""
+    lines = head("what is changed", "haptics", operators)
+    for condition in ("without", "with"):
+        for changed in CHANGED:
+            print(f"{condition}, {changed}", flush=True)
+            asked = study(operators, condition, without=CUBE if changed == CHANGED[1] else "")
+            found = trials(asked, authority, device, correct=changed != CHANGED[2])
+            lines.append(row(changed, condition, *found))
     return "\n".join(lines)
 
 
@@ -165,10 +204,14 @@ def main() -> None:
     parser.add_argument("--write", action="store_true", help=f"write docs/benchmarks/{PAGE.name}")
     given = parser.parse_args()
     machine = Machine.look(pick_device(given.device))
-    text = f"{table(given.operators, given.device)}\n\nCommit {commit()}, {machine.name()}."
-    print(text)
+    parts = {"operators": table(given.operators, given.device), "reasons": reasons(given.operators, given.device)}
+    parts["reasons"] += f"\n\nCommit {commit()}, {machine.name()}."
+    page = PAGE.read_text(encoding="utf-8")
+    for name, text in parts.items():
+        print(text)
+        page = put_on_page(page, text, BEGIN.format(name), END.format(name))
     if given.write:
-        save_page(PAGE, put_on_page(PAGE.read_text(encoding="utf-8"), text, BEGIN, END))
+        save_page(PAGE, page)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("gymnasium")
 
-from benchmarks.envs_shared import SPEED_LIMIT, SharedLoop, row, study
+from benchmarks.envs_shared import CUBE, SPEED_LIMIT, SharedLoop, row, study
 from otwarp.operators.loop import Loop
 
 ASKED = study(2, "with")
@@ -55,5 +55,10 @@ def test_shares_add_up_and_hands_feel_the_traps_where_they_are(device):
 
 
 def test_a_row_counts_outcomes():
-    wanted = "| 0.25 | with | 0.500 [0.013, 0.987] | 0.354 | cell left behind 1 |"
-    assert row("with", 0.25, np.array([1, 3], dtype=np.int32)) == wanted
+    wanted = "| 0.25 | with | 0.500 [0.013, 0.987] | 0.354 | cell left behind 1 | 8.5 to 8.5 |"
+    assert row("0.25", "with", np.array([1, 3], dtype=np.int32), np.array([8.5, np.nan])) == wanted
+
+
+def test_a_study_leaves_an_obstacle_out():
+    kept, all_of_them = study(2, "with", without=CUBE).scene.obstacles, ASKED.scene.obstacles
+    assert len(kept) == len(all_of_them) - 1 and CUBE in {o.prim for o in all_of_them}
