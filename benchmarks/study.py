@@ -19,6 +19,7 @@ import numpy as np
 import warp as wp
 
 from benchmarks.report import Section, command
+from benchmarks.study_setup import setup_table
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
 from otwarp.bench.timing import Quartiles, elapsed, interleaved
@@ -46,13 +47,13 @@ SHARED = (16, 256)
 """Points and trials of each in the study that is shared out: four blocks."""
 
 
-def capture_map(points: int, each: int) -> Study:
-    """P(held for 1 s) of a bead in a tabulated trap, over power and start."""
+def capture_map(points: int, each: int, until: float = 1.0) -> Study:
+    """P(held for 1 s, or another time) of a bead in a tabulated trap, over power and start."""
     axes = {
         "trap_power": grid(0.1, 5.0, points, unit="mW", spacing="log"),
         "start.x:/World/bead": grid(0.2, 2.2, points, unit="µm"),
     }
-    return Study(SCENES / "table_trap.usda", axes=axes, observables=[trapped(until=1.0)], stop=trials(each), seed=7)
+    return Study(SCENES / "table_trap.usda", axes=axes, observables=[trapped(until=until)], stop=trials(each), seed=7)
 
 
 def at_one_point(power: float, start: float, count: int) -> Study:
@@ -236,11 +237,18 @@ def over_devices(devices: Sequence[str], rounds: int) -> Quartiles:
     return interleaved({"": (one, several)}, rounds)[""].ratio()
 
 
-def measure(device: str = "cpu", *, ray: bool = False, devices: Sequence[str] = (), rounds: int = 3) -> Section:
-    """All tables; shards and Ray nodes on request, and on a CPU alone; `devices` that share a map if there are any."""
+def measure(
+    device: str = "cpu", *, setup: bool = False, ray: bool = False, devices: Sequence[str] = (), rounds: int = 3
+) -> Section:
+    """All tables, or of the set-up alone; shards and Ray nodes on request, and on a CPU alone; `devices` that share a
+    map if there are any.
+    """
     place = pick_device(device)
     kind = "cpu" if place.is_cpu else "cuda"
     machine = Machine.look(place)
+    set_up = setup_table(capture_map(*FULL, until=capture_map(*FULL).runner.time_step), place, rounds)
+    if setup:
+        return Section(name="study", kind=kind, machine=machine, tables=[set_up], asked="--setup")
     rows, found = map_rows(place, kind)
     over, ended, sent = over_bare_steps(place, kind, rounds), compaction(place, kind, rounds), delivery(place, kind)
     clock = "; processor time" if kind == "cpu" else ""
@@ -252,6 +260,7 @@ def measure(device: str = "cpu", *, ray: bool = False, devices: Sequence[str] = 
             note=f"{found['steps']:,} steps a trial; kernels compiled before, the store written{clock}.",
         ),
         bare_table(over, ended, kind),
+        set_up,
         Table(
             title="The shipped cell delivery",
             head=("trials", "simulated time of each [s]", "delivered", "time [s]", "10⁵ trials, by these [h]"),
@@ -310,6 +319,7 @@ if __name__ == "__main__":
         measure,
         "Studies: a capture map, what a study costs over bare steps, shards and Ray, deliveries.",
         rounds=3,
+        setup={"action": "store_true", "help": "only what setting up a million trials takes the host"},
         ray={"action": "store_true", "help": "share a study out over shards and two Ray nodes as well"},
         devices={"nargs": "+", "default": (), "help": "devices that share a map: cuda:0 cuda:1 …"},
     )

@@ -48,6 +48,15 @@ def names(kind: str) -> list[str]:
     return sorted(file.stem for file in folder(kind).glob(f"*{ENDINGS[kind]}"))
 
 
+def kinds_of() -> dict[str, list[str]]:
+    """Every shipped name once, with what is called so: several kinds may have one name."""
+    found: dict[str, list[str]] = {}
+    for kind, what in (("scenes", "scene"), ("studies", "study"), ("vision", "data set")):
+        for name in names(kind):
+            found.setdefault(name, []).append(what)
+    return found
+
+
 def named(kind: str, said: str | Path) -> Path | None:
     """The shipped file that is meant by a name.
 

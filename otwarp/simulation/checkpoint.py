@@ -72,6 +72,8 @@ def save(sim: Stepped, path: Path) -> Path:
     """
     if sim.scene.file is None:
         raise InputError("a checkpoint names its scene file, and this scene was not loaded from one; allowed: save it")
+    if sim.model.which is not None:
+        raise InputError("checkpoint: the worlds share rows of parameters; allowed: a row for all worlds, or one each")
     about = {
         "format": FORMAT,
         "scene": str(Path(sim.scene.file).resolve()),

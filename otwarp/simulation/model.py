@@ -28,7 +28,7 @@ from otwarp.simulation.composition import check_settings, fits_a_block
 from otwarp.simulation.drivers.world_scratch import keeps_contacts, largest_launch, team_for
 from otwarp.simulation.options import StepOptions
 from otwarp.simulation.packing.arguments import whole
-from otwarp.simulation.packing.arrays import Place
+from otwarp.simulation.packing.arrays import Place, device_array
 from otwarp.simulation.packing.bodies import is_rigid, pack_bodies, pack_contact, pack_obstacles
 from otwarp.simulation.packing.capacity import check_worlds
 from otwarp.simulation.packing.commands import Samples, staged_commands
@@ -37,6 +37,7 @@ from otwarp.simulation.packing.flow import pack_flow
 from otwarp.simulation.packing.forces import ActiveForces, pack_forces
 from otwarp.simulation.packing.inlets import pack_inlets
 from otwarp.simulation.packing.optics import TrapOptics, exact_room
+from otwarp.simulation.packing.parameters import SharedRows
 from otwarp.simulation.packing.period import pack_period
 from otwarp.simulation.packing.traps import HeldSphere, pack_medium, pack_traps, rotate
 from otwarp.simulation.packing.walls import hydrodynamic_walls, pack_walls
@@ -61,8 +62,10 @@ class Model:
         seed: Key of the random streams.
         device: Where the arrays live.
         features: Terms the step is made of.
-        values: Parameters in force, `(1|W, …)` float64, by the names of `parameters.PARAMETERS`.
+        values: Parameters in force, `(1|W, …)` float64, by the names of `parameters.PARAMETERS`; `(1|R, …)` where
+            worlds share rows.
         overrides: Those of them that the user gave, for all worlds.
+        which: (W) int32 row of `values` that each world has where they share rows, on the device, else None.
         reference: (B, 3) reference point (centre of diffusion) of each body in its prim's frame [µm].
         held: Per trap the body index of the sphere it holds (-1: none) and that sphere's index in the body. A trap that
             names no sphere holds the nearest at the start, of all worlds, if that is within its reach.
@@ -91,6 +94,7 @@ class Model:
     features: Features
     values: dict[str, np.ndarray]
     overrides: dict[str, np.ndarray]
+    which: wp.array | None
     reference: np.ndarray
     held: tuple[tuple[int, int], ...]
     held_range: np.ndarray
@@ -120,7 +124,7 @@ class Model:
         worlds: int = 1,
         seed: int = 0,
         device: str | wp.Device | None = None,
-        parameters: Mapping[str, ArrayLike] | None = None,
+        parameters: Mapping[str, ArrayLike] | SharedRows | None = None,
         options: StepOptions | None = None,
         part: tuple[int, int] | None = None,
     ) -> Model:
@@ -130,7 +134,8 @@ class Model:
             worlds: Independent copies of the scene, at least 1.
             seed: 0 … 2³² − 1.
             device: `"cpu"`, `"cuda:0"` or None for the best available.
-            parameters: Values that differ from the scene's or from world to world; see `parameters.PARAMETERS`.
+            parameters: Values that differ from the scene's or from world to world; see `parameters.PARAMETERS`. Many
+                worlds that have the same: `SharedRows`.
             options: What is chosen about the step; None: as the scene says.
             part: First of the worlds that this model holds, and the one after its last; None: all of them.
 
@@ -144,7 +149,10 @@ class Model:
         rows = _rows(part, worlds)
         place = pick_device(device)
         check_worlds(asked, rows.stop - rows.start, place, options.precision)
-        known = ResolvedScene.of(asked, parameters or {}, place, options, worlds=worlds, part=part is not None)
+        shared = parameters if isinstance(parameters, SharedRows) else SharedRows(parameters or {}, worlds, None)
+        shared.check(worlds)
+        size = {"worlds": worlds, "rows": shared.rows}
+        known = ResolvedScene.of(asked, shared.values, place, options, **size, part=part is not None)
         _warn_of_oddities(scene, unusual_parameters(known.overrides))
         own = options.time_step is None and scene.file is not None
         scales = _time_scales(known, from_scene=own, allow_large=options.allow_large_step)
@@ -152,8 +160,9 @@ class Model:
         features = dataclasses.replace(
             _stepped_features(known, scales.time_step, place, worlds=worlds), leaps=staged is not None
         )
-        packed = Place(place, options.precision)
-        known = dataclasses.replace(known.part(rows), features=features)
+        which = None if shared.which is None else shared.which[rows]
+        packed = Place(place, options.precision, None if which is None else device_array(which, wp.int32, place))
+        known = dataclasses.replace(known.part(rows) if which is None else known.shared(which), features=features)
         count = rows.stop - rows.start
         room = exact_room(known.optics, largest_launch(features, count, place), place)
         data, kept = _pack(known, scales.time_step, seed, rows, staged, room, packed)
@@ -169,6 +178,7 @@ class Model:
             seed=seed,
             device=place,
             scales=scales,
+            which=packed.which,
             data=data,
             **kept,
             exact_room=room,
@@ -181,7 +191,7 @@ class Model:
     @property
     def place(self) -> Place:
         """Device and precision of the arrays."""
-        return Place(self.device, self.features.precision)
+        return Place(self.device, self.features.precision, self.which)
 
     def start_position(self) -> np.ndarray:
         """(B, 3) reference points of the bodies at the start [µm]."""

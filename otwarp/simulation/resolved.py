@@ -68,19 +68,21 @@ class ResolvedScene:
         options: StepOptions,
         *,
         worlds: int,
+        rows: int,
         part: bool = False,
     ) -> ResolvedScene:
         """Resolve a scene, whose settings are those of the options already; arguments as for `Model.build`.
 
-        `part` says whether only some of the worlds will be stepped.
+        `rows` says how many rows parameters have, one for each world or fewer that they share, and `part` whether only
+        some of the worlds will be stepped.
 
         Raises:
             InputError: A parameter that does not apply or is out of range, or features that do not go together.
         """
         moves = mobilities(scene)
-        size = {"worlds": worlds, "traps": len(scene.traps), "bodies": len(scene.bodies)}
+        size = {"worlds": rows, "traps": len(scene.traps), "bodies": len(scene.bodies)}
         overrides = expand_all(parameters, **size, more=user_parameters(options.forces))
-        forces = ActiveForces.of(scene, options.forces, overrides, worlds)
+        forces = ActiveForces.of(scene, options.forces, overrides, rows)
         _check_laws(scene, overrides)
         optics = TrapOptics.of(scene, {**trap_places(scene), **overrides}["trap_position"][0], device)
         scene = optics.resolve(scene)
@@ -121,6 +123,14 @@ class ResolvedScene:
         forces = dataclasses.replace(self.forces, values=of(self.forces.values))
         held_range = of({"": self.held_range})[""]
         return dataclasses.replace(self, values=of(self.values), held_range=held_range, forces=forces)
+
+    def shared(self, which: np.ndarray) -> ResolvedScene:
+        """The same for worlds that share rows, (W) `which` each has: those of forces with parameters for each world.
+
+        All others are gathered on the device, by `packing.arrays.device_rows`.
+        """
+        rows = {name: array if len(array) == 1 else array[which] for name, array in self.forces.values.items()}
+        return dataclasses.replace(self, forces=dataclasses.replace(self.forces, values=rows))
 
     @property
     def reference(self) -> np.ndarray:

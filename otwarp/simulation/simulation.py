@@ -27,6 +27,7 @@ from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
 from otwarp.simulation.packing.arguments import numbers, seconds, whole
 from otwarp.simulation.packing.arrays import host_type
+from otwarp.simulation.packing.parameters import SharedRows
 from otwarp.simulation.starts import starts_of
 from otwarp.simulation.state import Control, Readout, State
 from otwarp.simulation.user_forces import Force, check_forces
@@ -42,7 +43,7 @@ class Simulation:
         device: `"cpu"`, `"cuda:0"`, … or None for the best available.
         time_step: Explicit step [s]; None lets the scene and its accuracy decide.
         parameters: Values that replace the scene's, for all worlds or per world; see
-            `otwarp.simulation.packing.parameters.PARAMETERS`. A sweep costs the memory of what is swept.
+            `PARAMETERS` in `otwarp.simulation.packing.parameters`; `SharedRows` there where many worlds have the same.
         threads: Worker threads on the CPU; None uses all cores. Results do not depend on it.
         fast_math: On CUDA, use approximate instructions for functions and divisions: up to twice as fast for a lone
             bead. Deviates of the noise change by about 1e-6, far below the error of any time step; on a CPU only the
@@ -89,7 +90,7 @@ class Simulation:
         seed: int = 0,
         device: str | wp.Device | None = None,
         time_step: float | None = None,
-        parameters: Mapping[str, ArrayLike] | None = None,
+        parameters: Mapping[str, ArrayLike] | SharedRows | None = None,
         threads: int | None = None,
         fast_math: bool = False,
         integrator: str | None = None,

@@ -15,7 +15,7 @@ from otwarp.kernels.core.precision import kernel_module
 from otwarp.kernels.core.types import StateData
 from otwarp.simulation.model import Model
 from otwarp.simulation.packing.arguments import numbers
-from otwarp.simulation.packing.arrays import device_array, device_view
+from otwarp.simulation.packing.arrays import device_array, device_rows, device_view, filled
 
 _VECTORS = {"position": wp.vec3, "orientation": wp.quat}
 
@@ -47,8 +47,8 @@ class Starts:
         state.position = device_array(start[None], wp.vec3, place, ndim=2)
         state.image = device_array(image[None], wp.vec3i, place, ndim=2)
         state.orientation = device_array(turns[None], wp.quat, place, ndim=2)
-        state.trap_position = device_array(foci, wp.vec3, place, ndim=2)
-        everyone = device_array(np.ones(model.worlds), wp.int32, model.device)
+        state.trap_position = device_rows(foci, wp.vec3, place, ndim=2)
+        everyone = filled((model.worlds,), 1, wp.int32, model.device)
         return cls(everyone, state, empty(0, wp.uint32, model.device))
 
 

@@ -22,7 +22,7 @@ from otwarp.kernels.core.types import ControlData, ReadoutData, StateData
 from otwarp.kernels.optics.readout import TrapReadoutData
 from otwarp.scene.keywords import known_keywords
 from otwarp.simulation.model import Model
-from otwarp.simulation.packing.arrays import device_array, filled, host_type
+from otwarp.simulation.packing.arrays import device_array, device_rows, filled, host_type, repeated
 from otwarp.simulation.packing.parameters import expand
 from otwarp.simulation.powers import check_powers
 
@@ -65,21 +65,17 @@ class State(Bound):
     @classmethod
     def start(cls, model: Model) -> State:
         """The scene's initial state, equal in all worlds."""
-        w, f = model.worlds, model.features
-
-        def repeat(rows: np.ndarray, dtype: type) -> wp.array:
-            return device_array(np.broadcast_to(rows, (w, *rows.shape)), dtype, model.place, ndim=2)
-
+        w, f, on = model.worlds, model.features, model.place
         place, image = model.start_position(), np.zeros((0, 3), dtype=np.int32)
         if f.periodic:
             place, image = model.in_cell(place)
-        first = model.values["trap_position"]
-        limited = np.broadcast_to(first, (w, *first.shape[1:])) if f.speed_limits else np.zeros((w, 0, 3))
+        first = model.values["trap_position"] if f.speed_limits else np.zeros((1, 0, 3))
+        limited = repeated(first[0], w, wp.vec3, on) if len(first) == 1 else device_rows(first, wp.vec3, on, ndim=2)
         return cls(
-            position=repeat(place, wp.vec3),
-            orientation=repeat(model.start_orientation() if f.rigid else np.zeros((0, 4)), wp.quat),
-            trap_position=device_array(limited, wp.vec3, model.place, ndim=2),
-            image=repeat(image, wp.vec3i),
+            position=repeated(place, w, wp.vec3, on),
+            orientation=repeated(model.start_orientation() if f.rigid else np.zeros((0, 4)), w, wp.quat, on),
+            trap_position=limited,
+            image=repeated(image, w, wp.vec3i, on),
         )
 
     def data(self) -> Annotated[Any, StateData]:
@@ -132,8 +128,8 @@ class Control(Bound):
         ]
         glides = (model.worlds, len(follow)) if model.features.gliding_traps else (0, 0)
         return cls(
-            trap_position=device_array(model.values["trap_position"], wp.vec3, model.place, ndim=2),
-            trap_power=device_array(model.values["trap_power"], wp.float32, model.place, ndim=2),
+            trap_position=device_rows(model.values["trap_position"], wp.vec3, model.place, ndim=2),
+            trap_power=device_rows(model.values["trap_power"], wp.float32, model.place, ndim=2),
             follow=device_array(follow, wp.int32, model.device),
             trap_velocity=device_array(np.zeros((*glides, 3)), wp.vec3, model.place, ndim=2),
             trap_since=device_array(np.zeros(glides[0]), wp.float64, model.device),

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from otwarp.scene import Scene
 from otwarp.simulation.ends import End
 from otwarp.studies.any_study import AnyStudy
 from otwarp.studies.engines.memory import worlds_at_once
@@ -66,13 +67,22 @@ class _Trials:
     def take(self, before: np.ndarray, after: np.ndarray) -> None:
         """Run the trials of each point from `before` up to but not including `after`."""
         more = np.maximum(after - before, 0)
-        which = np.repeat(np.arange(len(self.points)), more)
-        nth = np.arange(len(which)) - np.repeat(np.cumsum(more) - more, more) + before[which]
-        for start in range(0, len(which), self.place.worlds):
-            part = slice(start, start + self.place.worlds)
-            out = _run(self.study, self.points[which[part]], nth[part], self.place)
-            at = which[part], nth[part]
-            self.code[at], self.time[at], self.kept[at] = out.code, out.time, out.numbers
+        ends, most = np.cumsum(more), self.code.shape[1]
+        columns = (
+            self.code.reshape(-1),
+            self.time.reshape(-1),
+            self.kept.reshape(self.code.size, -1 if self.kept.size else 0),
+        )
+        for start in range(0, int(more.sum()), self.place.worlds):
+            stop = start + self.place.worlds
+            counts = np.clip(ends, start, stop) - np.clip(ends - more, start, stop)
+            (own,) = np.nonzero(counts)
+            first = (before + np.clip(start - (ends - more), 0, None))[own]
+            runs = _Runs(self.points[own], first, counts[own])
+            at = _numbered(own * most + first, runs.counts)
+            out = _run(self.study, runs, self.place)
+            for column, found in zip(columns, (out.code, out.time, out.numbers), strict=True):
+                column[at] = found
         self.done = np.maximum(before, after)
 
     def arrays(self) -> dict[str, np.ndarray]:
@@ -81,28 +91,63 @@ class _Trials:
         return found | {f"{o.name}_of_trial": self.kept[..., n] for n, o in enumerate(self.study.runner.numbers)}
 
 
-def _run(study: AnyStudy, points: np.ndarray, nth: np.ndarray, place: _Place) -> Outcomes:
+@dataclass(frozen=True, eq=False)
+class _Runs:
+    """Trials of points: of each so many, one after the other.
+
+    Attributes:
+        points: (k) numbers.
+        first: (k) number of the first trial of each, counted in its point.
+        counts: (k) how many.
+    """
+
+    points: np.ndarray
+    first: np.ndarray
+    counts: np.ndarray
+
+    def __getitem__(self, which: np.ndarray) -> _Runs:
+        return _Runs(self.points[which], self.first[which], self.counts[which])
+
+
+def _numbered(first: np.ndarray, counts: np.ndarray) -> np.ndarray | slice:
+    """(n) numbers of runs that each go on from their `first`; a slice where they are one run."""
+    n = int(counts.sum())
+    if np.array_equal(first[1:], first[:-1] + counts[:-1]):
+        return slice(int(first[0]), int(first[0]) + n)
+    return np.repeat(first - (np.cumsum(counts) - counts), counts) + np.arange(n)
+
+
+def _run(study: AnyStudy, runs: _Runs, place: _Place) -> Outcomes:
     """Trials of points, group by group, and in a group step by step."""
-    code, time = np.empty(len(points), np.int8), np.empty(len(points))
-    numbers = np.empty((len(points), len(study.runner.numbers)), np.float32)
-    chosen = np.zeros(study.design.points, dtype=bool)  # a million trials of few points are not sorted
-    chosen[points] = True
-    present = np.flatnonzero(chosen)
-    chosen[:] = False
-    for group, values in study.design.groups(present):
+    n = int(runs.counts.sum())
+    found = Outcomes(
+        code=np.empty(n, np.int8), time=np.empty(n), numbers=np.empty((n, len(study.runner.numbers)), np.float32)
+    )
+    for group, values in study.design.groups(runs.points):
         scene = study.design.scene_of(values)
         for steps in np.unique(study.step_counts[group]):
-            own = group[study.step_counts[group] == steps]
-            chosen[own] = True
-            mine = np.flatnonzero(chosen[points])
-            chosen[own] = False
-            at = {t: v for t, v in study.design.at(points[mine]).items() if not t.grouped}
-            trial = study.stop.streams(points[mine], study.design.shape) * study.stop.at_most + nth[mine]
-            runner = study.runner.in_steps(int(steps))
-            beside = {t: v for t, v in study.design.at(spread(study, int(own[0]))).items() if not t.grouped}
-            out = runner.run(scene, at, trial, beside=beside, device=place.device, threads=place.threads)
-            code[mine], time[mine], numbers[mine] = out.code, out.time, out.numbers
-    return Outcomes(code=code, time=time, numbers=numbers)
+            chosen = np.isin(runs.points, group[study.step_counts[group] == steps])
+            out = _run_alike(study, scene, runs[chosen], int(steps), place)
+            if np.all(chosen):
+                return out
+            mine = np.repeat(chosen, runs.counts)
+            found.code[mine], found.time[mine], found.numbers[mine] = out.code, out.time, out.numbers
+    return found
+
+
+def _run_alike(study: AnyStudy, scene: Scene, runs: _Runs, steps: int, place: _Place) -> Outcomes:
+    """Trials of points that share a model and a step."""
+    design, points = study.design, runs.points
+    which = np.repeat(np.arange(len(points), dtype=np.int32), runs.counts)
+    # modulo 2³², which no number of a trial reaches
+    first = study.stop.streams(points, design.shape) * study.stop.at_most + runs.first
+    trials = np.repeat((first - (np.cumsum(runs.counts) - runs.counts)).astype(np.uint32), runs.counts)
+    trials += np.arange(len(trials), dtype=np.uint32)
+    at, beside = (
+        {t: v for t, v in design.at(some).items() if not t.grouped} for some in (points, spread(study, int(points[0])))
+    )
+    how = {"which": which, "beside": beside, "device": place.device, "threads": place.threads}
+    return study.runner.in_steps(steps).run(scene, at, trials, **how)
 
 
 def spread(study: AnyStudy, point: int) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -222,3 +223,10 @@ def cut_blocks(shape: tuple[int, ...], cut: Sequence[int]) -> list[tuple[slice, 
     """A grid cut into blocks of so many points along each dimension, in order; those at its ends may have fewer."""
     ranges = [[slice(a, min(a + c, n)) for a in range(0, n, c)] for n, c in zip(shape, cut, strict=True)]
     return list(itertools.product(*ranges))
+
+
+def box_of(blocks: Sequence[tuple[slice, ...]]) -> tuple[slice, ...] | None:
+    """The points that blocks, none of them twice, have together, where these are a box; else None."""
+    box = tuple(slice(min(s.start for s in along), max(s.stop for s in along)) for along in zip(*blocks, strict=True))
+    count = sum(math.prod(s.stop - s.start for s in block) for block in blocks)
+    return box if math.prod(s.stop - s.start for s in box) == count else None

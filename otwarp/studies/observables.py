@@ -19,8 +19,12 @@ from otwarp.kernels.drivers.episodes import WorldFunction
 from otwarp.kernels.drivers.observations import REDUCTIONS
 from otwarp.scene import Scene
 from otwarp.simulation.ends import End, escaped, reached
+from otwarp.simulation.packing.bodies import is_rigid
 from otwarp.studies.functions import world_function
 from otwarp.studies.quantity import quantity
+
+BODY_OF = {numbers.contact_force: 0, numbers.orientation_error: 4, numbers.place: 0}
+"""Shipped functions of a body, and which of their values is its index."""
 
 Kind = Literal["probability", "time", "number", "choice"]
 
@@ -191,6 +195,7 @@ def check_observables(given: Sequence[Any], scene: Scene) -> tuple[Observable, .
             made = made()
         if not isinstance(made, Observable):
             raise InputError(f"observables hold {item!r}; allowed: trapped(until=…), first_passage(), … or one's own")
+        _check_body(made, scene)
         found.append(made)
     names = [o.name for o in found]
     if not found or len(set(names)) < len(names):
@@ -198,6 +203,19 @@ def check_observables(given: Sequence[Any], scene: Scene) -> tuple[Observable, .
         raise InputError(f"observables are {', '.join(names) or 'none'}; allowed: one or more"
                          f"{f', {again} once or under another name' if again else ''}")  # fmt: skip
     return tuple(found)
+
+
+def _check_body(asked: Observable, scene: Scene) -> None:
+    """Refuse a number of a body that the scene does not have, or that does not turn: kernels look at no bounds."""
+    read = None if asked.function is None else asked.function.function
+    if read not in BODY_OF:
+        return
+    body, bodies = asked.values[BODY_OF[read]], scene.bodies
+    if body not in range(len(bodies)):
+        raise InputError(f"{asked.name} has body = {body:g}; allowed: 0 … {len(bodies) - 1}, an index of the scene's")
+    if read is numbers.orientation_error and not is_rigid(bodies[int(body)]):
+        prim = bodies[int(body)].prim
+        raise InputError(f"{asked.name}: {prim} is one sphere, which has no orientation; allowed: a body that turns")
 
 
 def same_end(a: End, b: End) -> bool:

@@ -215,13 +215,13 @@ def estimate(study: AnyStudy, device: str | None = None) -> tuple[tuple[float, f
     count = min(TIMED[place.is_cuda], study.design.points * study.stop.at_most)
     points = np.unique(np.linspace(0, study.design.points - 1, min(count, study.design.points)).astype(int))
     group, values = study.design.groups(points)[0]
-    chosen = np.resize(group, count)
-    at = {t: v for t, v in study.design.at(chosen).items() if not t.grouped}
+    at = {t: v for t, v in study.design.at(group).items() if not t.grouped}
+    which = np.resize(np.arange(len(group), dtype=np.int32), count)
     scene = study.design.scene_of(values)
 
     def taken(steps: int) -> float:
         begun = time.perf_counter()
-        runner.shortened(steps).run(scene, at, np.arange(count), device=str(place))
+        runner.shortened(steps).run(scene, at, np.arange(count), which=which, device=str(place))
         return time.perf_counter() - begun
 
     taken(1)  # kernels are compiled

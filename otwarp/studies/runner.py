@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,11 +11,14 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from otwarp.device import empty
 from otwarp.kernels.core.precision import kernel_module
 from otwarp.scene import Scene
 from otwarp.simulation.ends import End, escaped
 from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
+from otwarp.simulation.packing.arrays import device_array, gathered
+from otwarp.simulation.packing.parameters import SharedRows
 from otwarp.simulation.packing.traps import rotate
 from otwarp.simulation.simulation import Simulation
 from otwarp.studies.axes import Scatter
@@ -98,6 +102,7 @@ class Runner:
         values: dict[Target, np.ndarray],
         trials: np.ndarray,
         *,
+        which: np.ndarray | None = None,
         beside: dict[Target, np.ndarray] | None = None,
         device: str,
         threads: int | None = None,
@@ -106,14 +111,15 @@ class Runner:
 
         Args:
             scene: The scene of their group.
-            values: Per target that differs from world to world its (n) or (n, 3) values.
+            values: Per target that differs from world to world its (k) or (k, 3) values.
             trials: (n) numbers of the trials; one number has one outcome, whatever else runs beside it.
+            which: (n) int32, which of the values each trial has; None: its own, k = n.
             beside: Values of all points that these are some of. What is chosen for all worlds alike, such as which
                 sphere a trap holds and how contacts are solved, is chosen for all of them; None: for these alone.
             device: Where.
             threads: On a CPU; None for as many as there are cores.
         """
-        sim = self.simulation(scene, values, trials, beside=beside, device=device, threads=threads)
+        sim = self.simulation(scene, values, trials, which=which, beside=beside, device=device, threads=threads)
         observer = _Observer(sim, self.numbers) if self.numbers else None
         done = 0
         # exact, as nothing but ends stops worlds here, and there already: `running` would bring a number of each
@@ -131,6 +137,7 @@ class Runner:
         values: dict[Target, np.ndarray],
         trials: np.ndarray,
         *,
+        which: np.ndarray | None = None,
         beside: dict[Target, np.ndarray] | None = None,
         device: str,
         threads: int | None = None,
@@ -138,24 +145,29 @@ class Runner:
         """The worlds of trials at their start; arguments as of `run`."""
         n = len(trials)
         origin = origin_of(scene, self.options)
-        rows = parameter_rows(origin, values | self._scattered(origin, values, trials), n)
-        worlds = n
+        if which is None or self.scatter:
+            values = values if which is None else {t: v[which] for t, v in values.items()}
+            which = np.arange(n, dtype=np.int32)
+        count = int(which.max()) + 1
+        rows = parameter_rows(origin, values | self._scattered(origin, values, trials), count)
+        total = count
         if beside is not None:
             more = self._extremes(origin, beside)
-            count = max((len(v) for v in more.values()), default=1)
+            others = max((len(v) for v in more.values()), default=1)
+            below = parameter_rows(origin, more, others)
+            rows = {name: np.concatenate([row, below[name]]) for name, row in rows.items()}
+            total += others
             # a GPU shares few worlds out to several threads each, which round otherwise
-            at = np.resize(np.arange(count), max(count, MANY - n if device.startswith("cuda") else 0))
-            others = parameter_rows(origin, {t: v[at] for t, v in more.items()}, len(at))
-            rows = {name: np.concatenate([row, others[name]]) for name, row in rows.items()}
-            worlds += len(at)
+            worlds = max(others, MANY - n if device.startswith("cuda") else 0)
+            which = np.concatenate([which, np.resize(np.arange(count, total, dtype=np.int32), worlds)])
         sim = Simulation(
             scene,
-            worlds=worlds,
+            worlds=len(which),
             part=(0, n),
             seed=self.seed,
             device=device,
             threads=threads,
-            parameters=rows,
+            parameters=SharedRows(rows, total, which),
             ends=self.ends,
             time_step=self.time_step,
             integrator=self.options.integrator,
@@ -165,22 +177,26 @@ class Runner:
             forces=self.options.forces,
             allow_large_step=True,  # judged when the study was planned
         )
-        sim.reset(**start_rows(origin, values, n), number=trials.astype(np.uint32))
+        model, starts = sim.model, start_rows(origin, values, count)
+        assert model.which is not None
+        kinds = {"position": wp.vec3, "orientation": wp.quat}
+        rows_of = {name: device_array(row, kinds[name], model.place, ndim=2) for name, row in starts.items()}
+        poses = {name: gathered(row, model.which) for name, row in rows_of.items()}
+        sim.reset(**poses, number=device_array(trials, wp.uint32, model.device))
         return sim
 
     def _outcomes(self, sim: Simulation, observer: _Observer | None) -> Outcomes:
-        code = sim.episodes.done.numpy().astype(np.int8)
-        time = sim.episodes.step.numpy() * self.time_step
-        for n, end in enumerate(self.ends, start=1):
-            if end.predicate.function is escaped.predicate.function:
-                at = sim.last_readout.escape_step.numpy()  # forces and distances of the traps are not asked for
-                first = np.where(at >= 0, at, np.iinfo(np.int64).max).min(axis=1, initial=np.iinfo(np.int64).max)
-                # a trial that another end came to at the same look may have lost its sphere before
-                came = (first < np.iinfo(np.int64).max) & (code != FAULT)
-                time = np.where(came, first * self.time_step, time)
-                code = np.where(came, np.int8(n), code)
-        numbers = np.zeros((len(code), 0), np.float32) if observer is None else observer.kept.numpy()
-        return Outcomes(code=code, time=time, numbers=numbers)
+        episodes, device = sim.episodes, sim.model.device
+        n = sim.model.worlds
+        code = empty(n, wp.int8, device)
+        time = empty(n, wp.float64, device)
+        number = next((k for k, end in enumerate(self.ends, start=1) if _loses(end)), 0)
+        kernel = kernel_module("drivers.episodes", sim.model.features.precision).outcomes
+        # forces and distances of the traps are not asked for
+        read = [episodes.done, episodes.step, sim.last_readout.escape_step, number, wp.float64(self.time_step)]
+        wp.launch(kernel, dim=n, inputs=read, outputs=[code, time], device=device)
+        numbers = np.zeros((n, 0), np.float32) if observer is None else observer.kept.numpy()
+        return Outcomes(code=code.numpy(), time=time.numpy(), numbers=numbers)
 
     def _extremes(self, origin: Model, values: dict[Target, np.ndarray]) -> dict[Target, np.ndarray]:
         """Values of points, twice where some scatter: the farthest below and above, in the sign they have."""
@@ -208,6 +224,11 @@ class Runner:
         return out
 
 
+def _loses(end: End) -> bool:
+    """Whether an end is that a trap has lost its sphere."""
+    return end.predicate.function is escaped.predicate.function
+
+
 def normal_of(seed: int, stream: int, trials: np.ndarray) -> np.ndarray:
     """(n) standard normal numbers up to `FARTHEST` that are functions of seed, stream and number of a trial alone.
 
@@ -229,9 +250,29 @@ def normal_of(seed: int, stream: int, trials: np.ndarray) -> np.ndarray:
     return out
 
 
+@dataclass(frozen=True, eq=False)
+class _Asked:
+    """A scene and options as a key: equal to those that are the same objects."""
+
+    scene: Scene
+    options: StepOptions
+
+    def __hash__(self) -> int:
+        return hash((id(self.scene), id(self.options)))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Asked) and self.scene is other.scene and self.options is other.options
+
+
 def origin_of(scene: Scene, options: StepOptions) -> Model:
     """One world of the scene on the CPU: what parameters and starts are where nothing else is said."""
-    return Model.build(scene, device="cpu", options=StepOptions(precision=options.precision, forces=options.forces))
+    return _origin_of(_Asked(scene, options))
+
+
+@functools.lru_cache(maxsize=8)
+def _origin_of(asked: _Asked) -> Model:
+    precision, forces = asked.options.precision, asked.options.forces
+    return Model.build(asked.scene, device="cpu", options=StepOptions(precision=precision, forces=forces))
 
 
 def width_of(mean: np.ndarray, target: Target, scatter: Scatter) -> Any:

@@ -41,6 +41,7 @@ RULES = 2
 """
 
 
+@functools.cache  # a mark of each block says them, and looking them up reads files
 def versions() -> dict[str, str]:
     """What must be alike for bits to be alike, on one kind of device."""
     import warp
@@ -155,12 +156,12 @@ class Store:
         for folder in (self.folder, self.folder / "done"):
             check_place(folder, "the folder of the study", folder=True)
 
-    def write(self, block: int, where: tuple[slice, ...], arrays: Mapping[str, np.ndarray]) -> None:
-        """Write a block, the number of its trials behind what they count, and its marker last.
+    def write(self, blocks: Sequence[int], where: tuple[slice, ...], arrays: Mapping[str, np.ndarray]) -> None:
+        """Write whole blocks, the number of their trials behind what they count, and their markers last.
 
         Args:
-            block: Its number.
-            where: Its points, a slice per dimension.
+            blocks: Their numbers.
+            where: Their points, all of them, a slice per dimension.
             arrays: By the names of `Study.variables`.
 
         Raises:
@@ -169,7 +170,8 @@ class Store:
         with self._named_errors():
             for name in sorted(arrays, key="trials".__eq__):
                 self._put(name, where, arrays[name])
-        self.mark(block)
+        for block in blocks:
+            self.mark(block)
 
     def add(self, where: tuple[slice, ...], arrays: Mapping[str, np.ndarray], before: np.ndarray) -> None:
         """Write a block with more trials than it had, `before` (points of the block), the number of its trials last.

@@ -36,7 +36,11 @@ def test_a_copy_replaces_nothing_unless_it_is_told_to(elsewhere: Path, capsys: p
     assert Path("single_bead.usda").read_text() == "mine"
     assert main(["scenes", "copy", "single_bead", "--force"]) == 0 != len(Path("single_bead.usda").read_text()) - 4
     assert main(["scenes", "copy", "nix"]) == 2
-    assert "NAME is nix, which is not shipped; allowed: cell_delivery, " in capsys.readouterr().err
+    assert "NAME is nix, which is not shipped; allowed: cell_delivery (scene), " in capsys.readouterr().err
+    assert main(["scenes", "copy", "captur"]) == 2
+    said = capsys.readouterr().err
+    assert "NAME is captur, which is not shipped; did you mean capture? allowed: " in said
+    assert said.count("robot_hold") == 1 and "robot_hold (scene, study)" in said and "pair (data set)" in said
     assert [p.name for p in elsewhere.iterdir()] == ["single_bead.usda"]
 
 

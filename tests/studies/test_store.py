@@ -23,7 +23,7 @@ from otwarp.errors import InputError
 from otwarp.files import ENOUGH
 from otwarp.studies.axes import grid, values
 from otwarp.studies.differences import difference
-from otwarp.studies.engines.local import on_this_host
+from otwarp.studies.engines.local import keep, on_this_host
 from otwarp.studies.engines.run import prepare, run_study
 from otwarp.studies.file import load_study
 from otwarp.studies.observables import trapped
@@ -68,6 +68,11 @@ def largest_file(size: int) -> Iterator[None]:
 def whole(scene, tmp_path_factory) -> Store:
     """What an undisturbed run gives."""
     return run_study(study_of(scene), tmp_path_factory.mktemp("whole") / "out", devices=["cpu"])
+
+
+def whole_block(study: Study, store: Store, number: int) -> dict[str, np.ndarray]:
+    """Arrays of a block as they were computed."""
+    return {name: store.block(name, study.blocks()[number]) for name in ("trials", "end", "end_time")}
 
 
 def same(store: Store, other: Store) -> bool:
@@ -154,6 +159,17 @@ def test_a_block_that_is_half_written(scene, whole, tmp_path, monkeypatch, writt
         assert store.finished() == [0] and said["points_done"] == 8 and said["trials"] == 8 * 2_048
         assert table(store).identical(seen) and progress(store) == said
     assert same(run_study(study, out, devices=["cpu"]), whole)
+
+
+@pytest.mark.parametrize(("task", "calls"), [([0, 1, 2], 3), ([1, 2], 3), ([0, 2], 6), ([2], 3)])
+def test_blocks_of_a_task_are_written_together(scene, whole, tmp_path, monkeypatch, task, calls):
+    """Each array in one call where they fill a box, else block by block: the same store."""
+    study, put, written = study_of(scene), Store._put, []
+    store, blocks = prepare(study, tmp_path / "out"), [whole_block(study, whole, n) for n in task]
+    monkeypatch.setattr(Store, "_put", lambda at, name, *of: written.append(name) or put(at, name, *of))
+    keep(study, store, task, blocks)
+    assert len(written) == calls and written[-1] == "trials" and store.finished() == task
+    assert same(run_study(study, store.folder, devices=["cpu"]), whole)
 
 
 @pytest.mark.parametrize("written", range(3))

@@ -22,7 +22,7 @@ from otwarp.scene import Body, Scene, SceneBuilder, Settings, Sphere, Track, Tra
 from otwarp.simulation.simulation import Simulation
 from otwarp.studies.axes import Scatter, grid, sobol, values
 from otwarp.studies.engines.run import run_study
-from otwarp.studies.observables import contact_force, delivered, first_passage, trapped
+from otwarp.studies.observables import contact_dose, contact_force, delivered, first_passage, orientation_error, trapped
 from otwarp.studies.results import table
 from otwarp.studies.stopping.rules import half_width, trials
 from otwarp.studies.store import open_store
@@ -97,6 +97,27 @@ def test_a_look_brings_two_numbers_to_the_host(scene, monkeypatch):
     assert len(brought) > 30
     assert all(sum(sizes) <= 4 for sizes in brought[:-1])  # twice two: a CPU also asks how many it lists
     assert sum(brought[-1]) >= 2 * 512  # at last what became of each
+
+
+def test_trials_are_those_of_one_simulation(scene):
+    """Points that share their rows and starts on the device, in batches of 100: a row, a start and a number for each
+    world of a `Simulation` give the same bits, and so does what NumPy makes of its arrays."""
+    study = study_of(scene, observables=[first_passage(), delivered((0.2, 0.0, 10.0), radius=0.1, until=0.1)])
+    found = study.compute([0], device="cpu", worlds=100)[0]
+    runner, points = study.runner, np.repeat(np.arange(6), 64)
+    powers, starts = np.linspace(0.2, 1.0, 3)[points // 2], 0.2 * (points % 2)
+    sim = Simulation(study.design.scene, worlds=384, seed=3, device="cpu", parameters={"trap_power": powers[:, None]},
+                     ends=study.ends, time_step=runner.time_step, allow_large_step=True)  # fmt: skip
+    place = np.stack([starts, np.zeros(384), np.full(384, 10.0)], axis=1)
+    sim.reset(position=place[:, None], number=np.arange(384))
+    while sim.state.step < runner.steps:
+        sim.step(min(runner.every, runner.steps - sim.state.step))
+    lost = sim.last_readout.escape_step.numpy()[:, 0]
+    code = np.where(lost >= 0, 1, sim.episodes.done.numpy())
+    when = np.where(lost >= 0, lost, sim.episodes.step.numpy()) * runner.time_step
+    assert {0, 1, 2} == set(code.tolist())
+    assert np.array_equal(found["end"].ravel(), code)
+    assert np.array_equal(found["end_time"].ravel(), when.astype(np.float32))
 
 
 def test_more_trials_keep_the_first_ones(scene):
@@ -339,6 +360,20 @@ def test_delivery_needs_a_goal(scene):
 def test_contact_force_is_an_observable(scene):
     """A name that needs no arguments may stand there as it is."""
     assert study_of(scene, observables=[trapped(until=0.1), contact_force]).observables[1].name == "contact_force"
+
+
+def test_numbers_of_a_body(scene):
+    """Nothing can touch a lone bead: no force. A body that is not there, or does not turn, is refused."""
+    study = study_of(scene, axes={}, observables=[trapped(until=0.002), contact_force], stop=trials(4))
+    assert study.compute([0], device="cpu")[0]["contact_force_of_trial"].tolist() == [0.0] * 4
+    for asked, said in (
+        (contact_force(body=1), "contact_force has body = 1; allowed: 0 … 0"),
+        (contact_force(body=-1), "body = -1"),
+        (contact_dose(body=0.5), "contact_dose has body = 0.5"),
+        (orientation_error(x=1.0, w=0.0), "/World/bead is one sphere, which has no orientation"),
+    ):
+        with pytest.raises(InputError, match=said):
+            study_of(scene, observables=[asked])
 
 
 def test_a_shipped_scene_is_found_by_its_name():

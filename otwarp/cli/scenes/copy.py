@@ -10,7 +10,7 @@ import click
 from otwarp import shipped
 from otwarp.cli.options import force_option, out_option
 from otwarp.cli.output import check_new
-from otwarp.errors import InputError
+from otwarp.errors import InputError, nearest
 from otwarp.files import written
 
 SCENE = re.compile(r'^scene = "\.\./scenes/(.+?)"', re.MULTILINE)
@@ -54,5 +54,7 @@ def _source(name: str) -> tuple[str, Path]:
     for kind in shipped.ENDINGS:
         if file := shipped.named(kind, name):
             return kind, file
-    every = ", ".join(n for kind in shipped.ENDINGS for n in shipped.names(kind))
-    raise InputError(f"NAME is {name}, which is not shipped; allowed: {every}")
+    kinds = shipped.kinds_of()
+    near = nearest(Path(name).stem, list(kinds))
+    every = ", ".join(f"{known} ({', '.join(of)})" for known, of in kinds.items())
+    raise InputError(f"NAME is {name}, which is not shipped{near if '?' in near else ';'} allowed: {every}")

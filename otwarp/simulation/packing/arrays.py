@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from otwarp.device import empty
 from otwarp.kernels.core.precision import typed
 from otwarp.warp_internals import scalar_of, shape_of
 
@@ -19,10 +20,13 @@ class Place:
     Attributes:
         device: Warp device or its name.
         precision: One of `otwarp.kernels.core.precision.PRECISIONS`.
+        which: (W) int32 on the device, the row that each world has of parameters whose rows worlds share; None: they
+            have rows of their own.
     """
 
     device: Any
     precision: str = "float32"
+    which: wp.array | None = None
 
     def typed(self, kind: Any) -> Any:
         """A Warp type or struct of float32 as it is here."""
@@ -43,6 +47,26 @@ def device_array(values: Any, dtype: Any, device: Any, *, ndim: int = 1) -> wp.a
         lead = table.shape[:ndim] if table.ndim >= ndim else (0,) * ndim
         return wp.empty(shape=lead, dtype=dtype, device=device)
     return wp.array(table.reshape(*table.shape[:ndim], *inner), dtype=dtype, device=device, ndim=ndim)
+
+
+def device_rows(values: np.ndarray, dtype: Any, place: Place, *, ndim: int = 1) -> wp.array:
+    """`device_array` of the (1|W, …) rows of a parameter; rows that worlds share come as they are, (1|R, …)."""
+    rows = device_array(values, dtype, place, ndim=ndim)
+    return rows if place.which is None or len(values) == 1 else gathered(rows, place.which)
+
+
+def gathered(rows: wp.array, which: wp.array) -> wp.array:
+    """(n, …) rows of an array on the same device, `which` (n) int32 of them, without a way over the host."""
+    if rows.size == 0:
+        return empty((len(which), *rows.shape[1:]), rows.dtype, rows.device)
+    chosen: Any = wp.indexedarray(rows, [which])
+    return chosen.contiguous()
+
+
+def repeated(row: Any, count: int, dtype: Any, place: Place) -> wp.array:
+    """(count, n) array of one row (n) on the host, in each row the same."""
+    rows = device_array(np.asarray(row)[None], dtype, place, ndim=2)
+    return rows if count == 1 else gathered(rows, wp.zeros(count, dtype=wp.int32, device=place.device))
 
 
 def device_view(values: Any, dtype: Any = None) -> wp.array | None:

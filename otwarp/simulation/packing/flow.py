@@ -13,7 +13,7 @@ from otwarp.scene import Flow, Scene
 from otwarp.scene.flow_grid import FlowGrid
 from otwarp.scene.flow_profile import PROFILES, field_of
 from otwarp.scene.transforms import multiply, rotation_matrix
-from otwarp.simulation.packing.arrays import Place, device_array
+from otwarp.simulation.packing.arrays import Place, device_array, device_rows
 
 _QUARTER_ABOUT_X = np.array([0.5**0.5, 0.0, 0.0, 0.5**0.5])
 
@@ -41,8 +41,8 @@ def pack_flow(scene: Scene, speed: np.ndarray, shear_rate: np.ndarray, device: P
     flow = scene.flow
     data, vec3 = device.typed(FlowData)(), device.typed(wp.vec3)
     empty = np.zeros(0)
-    data.speed = device_array(speed if flow else empty, wp.float32, device)
-    data.shear_rate = device_array(shear_rate if flow else empty, wp.float32, device)
+    data.speed = device_rows(speed if flow else empty, wp.float32, device)
+    data.shear_rate = device_rows(shear_rate if flow else empty, wp.float32, device)
     nodes = np.zeros((0, 3, 3))
     if flow is not None:
         turn = np.array(flow.orientation)

@@ -90,6 +90,34 @@ PARAMETERS: dict[str, Parameter] = {
 """Everything that `Simulation(..., parameters={name: values})` accepts: what the scene vocabulary says is per world."""
 
 
+@dataclass(frozen=True, eq=False)
+class SharedRows:
+    """Parameters of worlds of which many have the same: what a `Simulation` takes instead of a row for each world.
+
+    Attributes:
+        values: Name → values as `Simulation(..., parameters=…)` takes them, of R rows instead of W worlds.
+        rows: R.
+        which: (W) int32 row that each of all worlds has; None: its own.
+    """
+
+    values: Mapping[str, ArrayLike]
+    rows: int
+    which: np.ndarray | None
+
+    def check(self, worlds: int) -> None:
+        """Refuse worlds without a row.
+
+        Raises:
+            InputError: Other worlds than there are, or another row.
+        """
+        if self.which is None:
+            return
+        inside = self.which.dtype.kind in "iu" and np.all((self.which >= 0) & (self.which < self.rows))
+        if self.which.shape != (worlds,) or not inside:
+            raise InputError(f"shared rows have which of shape {self.which.shape}; allowed: ({worlds},) whole numbers, "
+                             f"0 to {self.rows - 1}")  # fmt: skip
+
+
 def expand(
     name: str, values: ArrayLike, *, worlds: int, traps: int, bodies: int = 0, spec: Parameter | None = None
 ) -> np.ndarray:

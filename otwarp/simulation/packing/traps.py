@@ -16,7 +16,7 @@ from otwarp.kernels.optics.traps import trap_term
 from otwarp.laws.trap_law import FIELDS, TrapLaw
 from otwarp.scene import Scene, Trap
 from otwarp.scene.transforms import rotate as rotate
-from otwarp.simulation.packing.arrays import Place, device_array
+from otwarp.simulation.packing.arrays import Place, device_array, device_rows
 from otwarp.simulation.packing.commands import Samples, sampled_commands
 from otwarp.simulation.packing.optics import TrapOptics, pack_exact, pack_tables, trap_sides
 from otwarp.units import BOLTZMANN
@@ -109,9 +109,9 @@ def pack_traps(
     """Trap constants.
 
     Args:
-        values: The `(1|W, T)` parameters.
+        values: The `(1|W, T)` parameters, or `(1|R, T)` where worlds share rows.
         held: Per trap the sphere it holds.
-        held_range: (1|W, T) distance at which that sphere has escaped [µm].
+        held_range: Likewise, distance at which that sphere has escaped [µm].
         optics: Force tables.
         staged: Commands as `staged_commands` has them.
         room: As `exact_room` has it.
@@ -131,10 +131,10 @@ def pack_traps(
     split = any(t.axial for t in traps)
     limits = bool(np.any(np.isfinite(values["trap_speed_limit"])))
     for name in FIELDS:
-        setattr(data, name, device_array(values[f"trap_{name}"], wp.float32, device, ndim=2))
+        setattr(data, name, device_rows(values[f"trap_{name}"], wp.float32, device, ndim=2))
         axial = values[f"trap_axial_{name}"] if split else np.zeros((0, 0))
-        setattr(data, f"axial_{name}", device_array(axial, wp.float32, device, ndim=2))
-    data.speed_limit = device_array(
+        setattr(data, f"axial_{name}", device_rows(axial, wp.float32, device, ndim=2))
+    data.speed_limit = device_rows(
         values["trap_speed_limit"] if limits else np.zeros((0, 0)), wp.float32, device, ndim=2
     )
     data.model = device_array([trap_term(optics.term_name(scene, t)).key for t in range(len(traps))], wp.int32, device)
@@ -150,7 +150,7 @@ def pack_traps(
     data.held_body = device_array([h.body for h in held], wp.int32, device)
     data.held_offset = device_array([h.offset for h in held], wp.vec3, device)
     data.held_mobility = device_array([h.mobility for h in held], wp.float32, device)
-    data.held_range = device_array(held_range, wp.float32, device, ndim=2)
+    data.held_range = device_rows(held_range, wp.float32, device, ndim=2)
     data.key_start, data.key_time, data.key_value = _pack_samples(sampled_commands(scene), device)
     data.stage_start, data.stage_time, data.stage_value = _pack_samples(staged, device)
     return data
@@ -172,6 +172,6 @@ def _pack_samples(commands: list[Samples] | None, device: Place) -> tuple[wp.arr
 def pack_medium(temperature: np.ndarray, viscosity: np.ndarray, device: Place) -> Annotated[Any, MediumData]:
     """Thermal energy and viscosity from (1|W,) arrays."""
     data = device.typed(MediumData)()
-    data.thermal_energy = device_array(BOLTZMANN * temperature, wp.float32, device)
-    data.viscosity = device_array(viscosity, wp.float32, device)
+    data.thermal_energy = device_rows(BOLTZMANN * temperature, wp.float32, device)
+    data.viscosity = device_rows(viscosity, wp.float32, device)
     return data

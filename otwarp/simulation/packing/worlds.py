@@ -21,9 +21,9 @@ def pack_worlds(worlds: int, first: int, place: Place) -> tuple[wp.array, list[A
     if not worlds:
         return wp.empty(0, dtype=kind, device=place.device), []
     data = kind()
-    data.number = device_array(np.arange(first, first + worlds), wp.uint32, place.device)
+    data.number = device_array(np.arange(first, first + worlds, dtype=np.uint32), wp.uint32, place.device)
     data.step = wp.zeros(worlds, dtype=wp.int64, device=place.device)
     data.done = wp.zeros(worlds, dtype=wp.int32, device=place.device)
-    data.living = device_array(np.arange(worlds), wp.int32, place.device)
+    data.living = device_array(np.arange(worlds, dtype=np.int32), wp.int32, place.device)
     data.count = device_array([worlds, worlds], wp.int32, place.device)
     return wp.array([data], dtype=kind, device=place.device), [data]

@@ -13,6 +13,7 @@ import warp as wp
 
 from otwarp.errors import InputError
 from otwarp.studies.any_study import AnyStudy
+from otwarp.studies.design import box_of
 from otwarp.studies.store import Store
 
 Progress = Callable[[int, int], None]
@@ -113,12 +114,28 @@ def compute_and_keep(
 def keep(study: AnyStudy, store: Store, numbers: Sequence[int], found: Sequence[Found]) -> None:
     """Write computed blocks into the store; of a study with a budget, the new trials of each."""
     where = study.blocks()
+    if study.round is None:
+        box = box_of([where[n] for n in numbers])
+        if box is not None:  # a call costs a chunk's time, however many chunks it writes
+            store.write(numbers, box, _joined(found, [where[n] for n in numbers], box))
+            return
     for number, arrays in zip(numbers, found, strict=True):
         if study.round is None:
-            store.write(number, where[number], arrays)
+            store.write([number], where[number], arrays)
         else:
             before = study.round[0].reshape(study.design.shape)[where[number]]
             store.add(where[number], arrays, before)
+
+
+def _joined(found: Sequence[Found], places: Sequence[tuple[slice, ...]], box: tuple[slice, ...]) -> Found:
+    """Arrays of blocks as those of the box that they fill."""
+    shape, dims = tuple(s.stop - s.start for s in box), len(box)
+    out = {name: np.empty((*shape, *of.shape[dims:]), of.dtype) for name, of in found[0].items()}
+    for arrays, place in zip(found, places, strict=True):
+        at = tuple(slice(s.start - b.start, s.stop - b.start) for s, b in zip(place, box, strict=True))
+        for name, values in arrays.items():
+            out[name][at] = values
+    return out
 
 
 def on_this_host(devices: Sequence[str]) -> Engine:

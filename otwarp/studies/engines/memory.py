@@ -99,10 +99,11 @@ def room_of(study: AnyStudy, device: str | None = None) -> Room:
     place = str(pick_device(device))
     points, values = study.design.groups(np.arange(min(study.design.points, 2)))[0]
     scene = study.design.scene_of(values)
+    at = {t: v for t, v in study.design.at(points).items() if not t.grouped}
     sizes = []
     for count in PROBED:
-        at = {t: v for t, v in study.design.at(np.resize(points, count)).items() if not t.grouped}
-        sim = study.runner.simulation(scene, at, np.arange(count), device=place)
+        which = np.resize(np.arange(len(points), dtype=np.int32), count)
+        sim = study.runner.simulation(scene, at, np.arange(count), which=which, device=place)
         sizes.append(_size(sim))
     first, last = sizes
     each = max(-(-(last - first) // (PROBED[1] - PROBED[0])), world_bytes(scene, study.options.precision))

@@ -4,7 +4,7 @@ import numpy as np
 import warp as wp
 
 import otwarp as ot
-from otwarp.kernels.drivers.episodes import WorldFunction, list_living, parameters_from, settle_kernel
+from otwarp.kernels.drivers.episodes import WorldFunction, list_living, outcomes, parameters_from, settle_kernel
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import bead_scene
 
@@ -29,6 +29,19 @@ def test_clocks_turn_for_the_worlds_on_the_list_alone(device):
     assert sim.episodes.step.numpy().tolist() == [9, 0, 9, 9, 0, 9]
     assert sim.episodes.done.numpy().tolist() == DONE
     assert sim.episodes.count.numpy().tolist() == [4, 4]
+
+
+def test_outcomes_are_told_to_the_step_of_an_escape(device):
+    """Where escapes end a world (their code is 2) the first one counts, but not over a fault; elsewhere none does."""
+    done, lost = [0, 1, -1, 1, 2], [[-1, -1], [-1, -1], [3, -1], [7, 4], [-1, 10]]
+    arrays = [
+        wp.array(x, dtype=t, device=device) for x, t in ((done, wp.int32), ([10] * 5, wp.int64), (lost, wp.int64))
+    ]
+    for escaped, codes, steps in ((2, [0, 1, -1, 2, 2], [10, 10, 10, 4, 10]), (0, done, [10] * 5)):
+        code, time = wp.zeros(5, dtype=wp.int8, device=device), wp.zeros(5, dtype=wp.float64, device=device)
+        wp.launch(outcomes, dim=5, inputs=[*arrays, escaped, wp.float64(0.1)], outputs=[code, time], device=device)
+        assert code.numpy().tolist() == codes
+        assert time.numpy().tolist() == [0.1 * step for step in steps]
 
 
 def test_parameters_are_read_from_the_columns_in_order():

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from otwarp.errors import InputError, PlausibilityWarning
+from otwarp.scene import Scene
 from otwarp.scene.plausibility.ranges import unusual_parameters
 from otwarp.simulation.model import Model
-from otwarp.simulation.packing.parameters import PARAMETERS, expand, expand_all
+from otwarp.simulation.packing.parameters import PARAMETERS, SharedRows, expand, expand_all
 from otwarp.simulation.simulation import Simulation
+from tests.simulation.forces import spring
 from tests.simulation.setups import bead_scene
 
 W, T = 4, 3
+HOLD = Path(__file__).parents[3] / "scenes" / "hold.usda"
 
 
 @pytest.mark.parametrize(
@@ -148,3 +153,35 @@ def test_memory_is_that_of_what_is_swept(device):
     ]
     assert sims[1].memory() - sims[0].memory() == 999 * 4
     assert sims[1].model.data.traps.stiffness.shape == (1, 1)
+
+
+def test_rows_that_worlds_share(tmp_path, device):
+    """Three rows for six worlds are the bits of six rows, in a part of the worlds as well; no checkpoint keeps them."""
+    rows = {
+        "trap_power": np.array([[1.0], [2.0], [4.0]]),
+        "trap_position": np.array([[[0.1, 0.0, 5.0]], [[0.0, 0.2, 5.0]], [[0.0, 0.0, 5.0]]]),
+        "medium_viscosity": np.array([1e-3, 2e-3, 3e-3]),
+        "flow_speed": np.array([0.0, 10.0, 20.0]),
+        "spring_stiffness": np.array([[0.0], [1.0], [2.0]]),
+    }
+    which = np.array([2, 0, 0, 1, 2, 1], dtype=np.int32)
+    how = {"worlds": 6, "seed": 3, "device": device, "forces": [spring(stiffness=0.0)], "time_step": 1e-5, "ends": []}
+
+    def after(parameters, **more) -> Simulation:
+        sim = Simulation(Scene.load(HOLD), parameters=parameters, **how, **more)
+        sim.step(50)
+        return sim
+
+    own = after({name: values[which] for name, values in rows.items()}).state.position.numpy()
+    assert len(np.unique(own[:, 0, 0])) == 6
+    assert np.array_equal(after(SharedRows(rows, 3, which), part=(2, 5)).state.position.numpy(), own[2:5])
+    shared = after(SharedRows(rows, 3, which))
+    assert np.array_equal(shared.state.position.numpy(), own)
+    with pytest.raises(InputError, match="the worlds share rows of parameters; allowed: "):
+        shared.save(tmp_path / "sim.npz")
+
+
+def test_worlds_without_a_row_are_refused():
+    for which in (np.array([0, 1]), np.array([0, 1, 3]), np.array([0, -1, 2]), np.array([0.0, 1.0, 2.0])):
+        with pytest.raises(InputError, match=r"allowed: \(3,\) whole numbers, 0 to 2"):
+            SharedRows({}, 3, which).check(3)
