@@ -178,15 +178,16 @@ def test_who_is_disarmed_while_lost_stays_so(lab):
 
 
 def test_what_is_lost_twice_in_a_row_comes_back(lab):
-    """A body that is lost again before the servo has told that its hand was armed."""
+    """A body that is lost again before the servo has told what it made of the last order."""
     one = lab()
     one.run(40)
     hands = one.stage.loop.hands
     assert one.state == "armed"
-    for traps in ({0: "lost"}, {}, {0: "lost"}, {}):
-        hands.withhold(traps)
-    one.run(20)
-    assert one.state == "armed"
+    for orders in (1, 2):  # the latter within a turn of the loop
+        for traps in ({0: "lost"}, {}) * orders:
+            hands.withhold(traps)
+        states = [one.state for _ in range(30) if one.run(1)]
+        assert "decaying" in states and states[-1] == "armed"
 
 
 def test_frames_out_of_order_are_put_in_at_their_time(lab):

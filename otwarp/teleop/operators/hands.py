@@ -53,6 +53,7 @@ class Hands:
         self._reported = [""] * len(self._names)
         self._blind = [False] * len(self._names)
         self._resume = [False] * len(self._names)
+        self._ordered = [False] * len(self._names)
         self._causes = [""] * len(self._names)
         self.status: ServoStatus | None = None
         self.engine = ""
@@ -102,7 +103,8 @@ class Hands:
                     now = replace(now, force=ZERO, state="disarmed")
             present = reported is not None and reported.present and residue is None
             # a device that went away while its body was not seen comes back as after any loss: disarmed
-            self._resume[n] = self._resume[n] and (present or reported is None)
+            gone = reported is not None and not present
+            self._resume[n], self._ordered[n] = self._resume[n] and not gone, self._ordered[n] and not gone
             frames.append(replace(frame, now=now, present=present, message=message))
         self.frames = tuple(frames)
         if self._dead:
@@ -117,13 +119,21 @@ class Hands:
         if self._blind[n]:
             self._armed[n] = armed  # it was let go, and its note says of what
             return
-        if self._armed[n] and now.state == "disarmed":
+        if self._resume[n] and now.state in ("decaying", "disarmed") and not self._dead:
+            # not before it is seen to let go: of both orders in one cycle of the servo, that to let go wins
+            self._order_arm(n)
+        elif self._armed[n] and now.state == "disarmed":
             nobody = self.frames[n].device == "mouse" and not now.buttons
             why = "no window of the page holds it" if nobody else "no fresh state of simulation or device for 0.1 s"
             self._notes[n] = f"disarmed, for {why}; arm it again"
-        elif armed:
-            self._notes[n], self._resume[n] = "", False
+        elif now.state in ("ramping", "armed"):
+            self._notes[n], self._ordered[n] = "", False
         self._armed[n] = armed
+
+    def _order_arm(self, n: int) -> None:
+        assert self._servo is not None
+        self._servo.arm(n)
+        self._resume[n], self._ordered[n] = False, True
 
     def news(self) -> list[str]:
         """What each hand has to say that it did not say before, one line each.
@@ -162,8 +172,12 @@ class Hands:
             if self._blind[n]:
                 self._resume[n] = on  # it is armed once what it holds is seen
                 continue
-            (self._servo.arm if on else self._servo.disarm)(n)
-            self._armed[n], self._resume[n], self._notes[n] = False, False, ""
+            if on:
+                self._order_arm(n)
+            else:
+                self._servo.disarm(n)
+                self._resume[n] = self._ordered[n] = False
+            self._armed[n], self._notes[n] = False, ""
 
     def withhold(self, traps: Mapping[int, str]) -> None:
         """Let the forces of hands fall that move one of these traps; the others' come back by the ramp.
@@ -176,14 +190,13 @@ class Hands:
         for n, frame in enumerate(self.frames):
             why = next((line for trap, line in traps.items() if trap in frame.traps), "")
             if why and not self._blind[n]:
-                # one that was ordered to come back, and has not yet, is to come back as well
-                self._resume[n], self._armed[n] = self._armed[n] or self._resume[n], False
+                # one that was ordered to be armed, and is not yet, is to come back as well
+                self._resume[n] = self._armed[n] or self._resume[n] or self._ordered[n]
+                self._armed[n] = self._ordered[n] = False
                 self._notes[n] = f"feels nothing until it is seen again: {why}"
                 self._servo.disarm(n)
             elif self._blind[n] and not why:
                 self._notes[n] = ""
-                if self._resume[n]:
-                    self._servo.arm(n)
             self._blind[n] = bool(why)
 
     def set_gains(self, hand: str, motion_gain: float | None, force_gain: float | None) -> None:
