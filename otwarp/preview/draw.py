@@ -122,6 +122,18 @@ def _check_file(target: Path, suffixes: tuple[str, ...]) -> None:
     check_place(target, "picture")
 
 
+def _check_asked(out: str | Path | None, movie: str | Path | None, frame: int | None, time: float | None) -> None:
+    """Fail on what cannot be drawn or written, whatever there is to see."""
+    if out is None and movie is None:
+        raise InputError("preview: neither a picture (-o FILE.png) nor a movie (--movie FILE.gif) was asked for")
+    if out is None and (frame is not None or time is not None):
+        name, value = ("frame", f"{frame}") if frame is not None else ("time", f"{time:g} s")
+        raise InputError(f"preview: {name} = {value} with a movie, which shows the whole run; allowed: with a picture")
+    for target, suffixes in ((out, (".png",)), (movie, (".gif", *CODECS))):
+        if target is not None:
+            _check_file(Path(target), suffixes)
+
+
 def preview(
     path: str | Path,
     out: str | Path | None = None,
@@ -166,16 +178,9 @@ def preview(
     Warns:
         PlausibilityWarning: The run ended early, or no arrows were recorded.
     """
-    if out is None and movie is None:
-        raise InputError("preview: neither a picture (-o FILE.png) nor a movie (--movie FILE.gif) was asked for")
-    if out is None and (frame is not None or time is not None):
-        name, value = ("frame", f"{frame}") if frame is not None else ("time", f"{time:g} s")
-        raise InputError(f"preview: {name} = {value} with a movie, which shows the whole run; allowed: with a picture")
+    _check_asked(out, movie, frame, time)
     film = open_film(path)
     _warn(Path(path), film, forces)
-    for target, suffixes in ((out, (".png",)), (movie, (".gif", *CODECS))):
-        if target is not None:
-            _check_file(Path(target), suffixes)
     look = PictureStyle(width=size[0], height=size[1], samples=samples, style=style)
     picture = partial(_picture, film, look=look, camera=camera, forces=forces, device=device)
     if movie is not None and (least := min(film.count, most_frames)) < 2:

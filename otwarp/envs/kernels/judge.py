@@ -116,12 +116,36 @@ class NumberData:
     success: wp.array2d(dtype=wp.int32)  # (1, E) whether an end is one that was wanted
 
 
+def judge_period_term(rewards: tuple[WorldFunction, ...], ends: tuple[WorldFunction, ...]) -> wp.Function:
+    """`(now, worlds, numbers, out)`: rewards of a period, and whether the episode is over."""
+    earn, ended = earned_term(rewards), ended_term(ends)
+
+    @wp.func
+    def judge_period(now: TaskNow, worlds: WorldsData, numbers: NumberData, out: VerdictData):
+        """Write what the period of a world has earned, its outcome, and why its episode ends, if it does."""
+        out.reward[now.world] = earn(now, numbers.earned, numbers.weight, out.earned)
+        code = ended(now, numbers.ended)
+        if code > 0:
+            out.success[now.world] = numbers.success[0, code - 1] != 0
+        if worlds.done[now.world] < 0:
+            code = -1
+            out.success[now.world] = False
+        out.outcome[now.world] = code
+        out.terminated[now.world] = code != 0
+        worlds.done[now.world] = code
+        if code == 0 and now.time >= now.place.time_limit - 0.5 * now.place.period:
+            out.truncated[now.world] = True
+            worlds.done[now.world] = CUT_OFF
+
+    return judge_period
+
+
 @functools.lru_cache(maxsize=64)
 def judge_kernels(
     readings: tuple[Reading, ...], rewards: tuple[WorldFunction, ...], ends: tuple[WorldFunction, ...]
 ) -> tuple[wp.Kernel, wp.Kernel]:
     """Kernel that judges a period of each world, and one that observes flagged worlds after they have started anew."""
-    see, earn, ended = seen_term(readings), earned_term(rewards), ended_term(ends)
+    see, judge_period = seen_term(readings), judge_period_term(rewards, ends)
 
     @wp.kernel(module="unique", enable_backward=False, module_options={"cpu_compiler_flags": CPU_FLAGS})
     def judge(control: ControlData, state: StateData, readout: ReadoutData, place: PlaceData, worlds: WorldsData,
@@ -154,19 +178,7 @@ def judge_kernels(
             for t in range(episode.power.shape[1]):
                 episode.energy[world] = episode.energy[world] + episode.power[world, t] * place.period
             now = TaskNow(world, period, float(period) * place.period, state, readout, place, episode)
-            out.reward[world] = earn(now, numbers.earned, numbers.weight, out.earned)
-            code = ended(now, numbers.ended)
-            if code > 0:
-                out.success[world] = numbers.success[0, code - 1] != 0
-            if worlds.done[world] < 0:
-                code = -1
-                out.success[world] = False
-            out.outcome[world] = code
-            out.terminated[world] = code != 0
-            worlds.done[world] = code
-            if code == 0 and now.time >= place.time_limit - 0.5 * place.period:
-                out.truncated[world] = True
-                worlds.done[world] = CUT_OFF
+            judge_period(now, worlds, numbers, out)
         now = TaskNow(world, period, float(period) * place.period, state, readout, place, episode)
         see(now, numbers.seen, numbers.scale, out.seen)
         if keep_last != 0:

@@ -32,7 +32,7 @@ def quanta(force: wp.vec3, load: float) -> wp.vec4l:
 
 @wp.func
 def of_quanta(sum: wp.int64) -> float:
-    """Back to pN."""
+    """A sum of quanta in pN."""
     return float(wp.float64(sum) / QUANTA)
 
 
