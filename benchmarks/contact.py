@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import re
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -24,6 +25,8 @@ from otwarp.kernels.contact.body_solve import MAX_POINTS
 from otwarp.kernels.core.precision import PRECISIONS, kernel_module
 from otwarp.scene import Scene
 from otwarp.simulation import model
+from otwarp.simulation.drivers.compilation import kernel_memory
+from otwarp.simulation.drivers.stepping import PhasedStepper
 from otwarp.simulation.simulation import Simulation
 
 SCENES = Path(__file__).resolve().parent.parent / "scenes"
@@ -133,6 +136,47 @@ def residuals(
     return np.array(apart), float(failed.mean())
 
 
+def phase_times(worlds: int, device: wp.Device, steps: int) -> dict[str, float]:
+    """Each phase of a step of the touching scene, by kernel [s], measured on the GPU launch by launch."""
+    sim = Simulation(load(TOUCHING), worlds=worlds, seed=3, device=device, threads=1)
+    sim.step(MET)
+    stepper = sim._stepper
+    assert isinstance(stepper, PhasedStepper)
+    with wp.ScopedTimer("steps", print=False, synchronize=True, cuda_filter=wp.TIMING_KERNEL) as timer:
+        stepper._take_steps(steps)
+    found: dict[str, float] = {}
+    for event in timer.timing_results:
+        # the module's digest ends the name
+        name = re.sub("_[0-9a-f]{8}$", "", event.name.removeprefix("forward kernel ").split("__")[-1])
+        found[name] = found.get(name, 0.0) + 1e-3 * event.elapsed / steps
+    return found
+
+
+def phase_table(device: wp.Device, worlds: Sequence[int], steps: int) -> tuple[Table, dict[str, Any]]:
+    """Phases of a step by numbers of worlds, with what a GPU keeps of each kernel."""
+    found = {count: phase_times(count, device, steps) for count in worlds}
+    sim = Simulation(load(TOUCHING), worlds=worlds[-1], seed=3, device=device, threads=1)
+    assert isinstance(sim._stepper, PhasedStepper)
+    memory = kernel_memory(sim._stepper.phases.all, device, load=True) or []
+    kept = {row.kernel.split("__")[-1]: row for row in memory}
+    rows = [
+        (
+            name,
+            *(f"{1e6 * one[name]:.3g}" for one in found.values()),
+            *((f"{row.registers}", f"{row.local}") if (row := kept.get(name)) else ("", "")),
+        )
+        for name in found[worlds[-1]]
+    ]
+    table = Table(
+        title=f"Phases of a step of `{TOUCHING}` [µs]",
+        head=("kernel", *(f"{count:,} worlds" for count in worlds), "registers", "local memory [bytes a thread]"),
+        rows=rows,
+        note="Sums over the launches of a step, each timed alone; registers and memory are those of the last column of "
+        "worlds. What is solved twice counts twice.",
+    )
+    return table, {str(count): one for count, one in found.items()}
+
+
 def solver_table(
     device: wp.Device, worlds: int, compared: int, steps: int, rounds: int, moduli: Sequence[str]
 ) -> tuple[Table, dict[str, Any]]:
@@ -223,6 +267,9 @@ def measure(
             note=f"Until the fastest cell has gone round the channel {length:g} times; each part is timed as a whole.",
         ),
     ]
+    if kind == "cuda":
+        phases, data["phases"] = phase_table(place, [n for n in worlds or WORLDS[kind] if n > 1], steps)
+        tables.insert(1, phases)
     return Section(name="contact", kind=kind, machine=Machine.look(place), tables=tables, data=data)
 
 
