@@ -23,7 +23,8 @@ def compute_blocks(
 ) -> list[dict[str, np.ndarray]]:
     """Of each block its arrays by the names of the store; see `Study.compute`."""
     all_points = np.arange(study.design.points).reshape(study.design.shape)
-    own = [all_points[where] for where in (study.blocks()[n] for n in numbers)]
+    where = study.blocks()
+    own = [all_points[where[n]] for n in numbers]
     points = np.concatenate([p.ravel() for p in own])
     trials = _Trials(study, points, _Place(device, threads, worlds or worlds_at_once(study, device)))
     if study.round is not None:
