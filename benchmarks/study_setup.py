@@ -2,66 +2,90 @@
 
 from __future__ import annotations
 
-import cProfile
-import pstats
+import contextlib
+import functools
+import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections import defaultdict
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from otwarp.bench.report import Table
-from otwarp.studies import Study
+from otwarp.simulation.simulation import Simulation
+from otwarp.studies import Study, runner
 from otwarp.studies.engines.local import keep, tasks
 from otwarp.studies.engines.run import prepare
 
-FILES = {"Simulation": "simulation/simulation.py", "Runner": "studies/runner.py", "": "studies/runner.py"}
-"""By class where it stands, as a profile knows functions by file and name."""
-
-PHASES = {
-    "a model that says what does not vary": ("origin_of",),
-    "parameters and starts as arrays": ("parameter_rows", "start_rows"),
-    "the simulation": ("Simulation.__init__",),
-    "its worlds started": ("Simulation.reset",),
-    "what became of each, read": ("Runner._outcomes",),
-}
-"""By phase the functions that are timed for it; none of them calls another."""
-
-STEP = "Simulation.step"
-NUMBERED = "trials numbered, results put in place"
-TOGETHER = "**all of these**"
-DEVICE = ("invoke", "copy", "zero_", "fill_")
-"""Functions of Warp that do nothing but launch, copy and fill: what a GPU does by itself, or the bus."""
-HOST = "**without Warp's launches, copies and fills**"
 ROUNDS = 5
-"""Repeats of a table for one of other figures: neighbours on the machine make a call longer, never shorter."""
+"""Repeats of this table for one of other figures: neighbours on the machine make a call longer, never shorter."""
+
+WARP = sys.modules[wp.copy.__module__]
+PHASES: dict[str, list[tuple[Any, str]]] = {
+    "a model that says what does not vary": [(runner, "origin_of")],
+    "parameters and starts as arrays": [(runner, "parameter_rows"), (runner, "start_rows")],
+    "the simulation": [(Simulation, "__init__")],
+    "its worlds started": [(Simulation, "reset")],
+    "what became of each, read": [(runner.Runner, "_outcomes")],
+    "one step of all": [(Simulation, "step")],
+    "Warp's launches, copies, fills, and memory given back": [
+        *((WARP, name) for name in ("invoke", "copy")),
+        *((wp.array, name) for name in ("zero_", "fill_", "__del__")),
+    ],
+}
+"""By phase the functions, and whose they are, whose time is counted for it, without what they call of other phases."""
+
+REST = "trials numbered, results put in place"
+HOST = "**the host's part of all these**"
+LAST = tuple(PHASES)[-1]
+"""What a GPU does by itself: on a CPU it takes the host's time, and more than there."""
 WRITTEN = "chunks written, beside GPUs by a second thread"
 
 
-def profiled(work: Callable[[], object]) -> dict[str, float]:
-    """By phase what a call takes by the wall [s], one step of all trials left out."""
-    profile = cProfile.Profile()
-    begun = time.perf_counter()
-    profile.runcall(work)
-    taken = time.perf_counter() - begun
-    rows = pstats.Stats(profile).stats  # type: ignore[attr-defined]
+class Clock:
+    """Processor time of a thread by phase [s]: a function's own is that without those that it calls of `PHASES`."""
 
-    def cumulative(file: str, name: str) -> float:
-        """Time in functions of a file and all that they call [s]."""
-        return sum(row[3] for (where, _, called), row in rows.items() if called == name and file in where)
+    def __init__(self) -> None:
+        self.found: dict[str, float] = defaultdict(float)
+        self.inner = [0.0]
 
-    def of_package(function: str) -> float:
-        """The same of `Class.function` or `function`."""
-        of, _, name = function.rpartition(".")
-        return cumulative(FILES[of], name)
+    def counted(self, phase: str, function: Any) -> Any:
+        """The function, counted."""
 
-    found = {phase: sum(map(of_package, names)) for phase, names in PHASES.items()}
-    together = taken - of_package(STEP)
-    device = sum(cumulative("warp/_src", name) for name in DEVICE)
-    return {**found, NUMBERED: together - sum(found.values()), TOGETHER: together, HOST: taken - device}
+        @functools.wraps(function)
+        def call(*given: Any, **named: Any) -> Any:
+            """The same, timed."""
+            self.inner.append(0.0)
+            begun = time.thread_time()
+            try:
+                return function(*given, **named)
+            finally:
+                taken = time.thread_time() - begun
+                self.found[phase] += taken - self.inner.pop()
+                self.inner[-1] += taken
+
+        return call
+
+    @contextlib.contextmanager
+    def running(self) -> Iterator[None]:
+        """All functions of `PHASES` counted, and what else there is as `REST`."""
+        with contextlib.ExitStack() as back:
+            for phase, functions in PHASES.items():
+                for owner, name in functions:
+                    function = getattr(owner, name)
+                    back.callback(setattr, owner, name, function)
+                    setattr(owner, name, self.counted(phase, function))
+                    if getattr(wp, name, None) is function:  # offered under two names
+                        back.callback(setattr, wp, name, function)
+                        setattr(wp, name, getattr(owner, name))
+            begun = time.thread_time()
+            yield
+            self.found[REST] += time.thread_time() - begun - self.inner[0]
 
 
 def setup_table(study: Study, device: wp.Device, rounds: int) -> Table:
@@ -69,7 +93,7 @@ def setup_table(study: Study, device: wp.Device, rounds: int) -> Table:
 
     Args:
         study: The capture map over one step.
-        device: Where; the time is the host's, which waits for it at a few places.
+        device: Where; the time is the host's.
         rounds: A fifth of the repeats.
     """
     if study.runner.steps != 1:
@@ -81,15 +105,20 @@ def setup_table(study: Study, device: wp.Device, rounds: int) -> Table:
     with tempfile.TemporaryDirectory() as folder:
         store = prepare(study, Path(folder) / "out")
         for _ in range(ROUNDS * rounds):
-            found = profiled(compute)
-            begun = time.perf_counter()
+            clock = Clock()
+            with clock.running():
+                compute()
+            begun = time.process_time()
             keep(study, store, numbers, blocks)
-            for phase, seconds in {**found, WRITTEN: time.perf_counter() - begun}.items():
+            clock.found[WRITTEN] = time.process_time() - begun
+            clock.found[HOST] = sum(clock.found[p] for p in (*PHASES, REST) if p != LAST)
+            for phase, seconds in clock.found.items():
                 samples.setdefault(phase, []).append(1e3 * seconds)
     trials = sum(int(np.sum(block["trials"])) for block in blocks)
+    order = [*(p for p in PHASES if p != LAST), REST, HOST, LAST, WRITTEN]
     return Table(
         title=f"Set-up of {trials:,} trials of the capture map",
-        head=("phase", "least wall time [ms]"),
-        rows=[(phase, f"{min(seconds):.3g}") for phase, seconds in samples.items()],
-        note=f"By one thread under a profiler, {ROUNDS * rounds} times; steps are left out. {len(numbers)} chunks.",
+        head=("phase", "processor time, least [ms]"),
+        rows=[(phase, f"{min(samples[phase]):.3g}") for phase in order],
+        note=f"By one thread, {ROUNDS * rounds} times; trials of one step. {len(numbers)} chunks.",
     )
