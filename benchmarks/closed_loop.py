@@ -98,7 +98,9 @@ def seen_bead() -> Scene:
     return replace(bead_in_trap(brownian=True), camera=CAMERA)
 
 
-def followed(delay: float, rate: float, viscosity: float, push: PushLaw | None) -> tuple[float, float, float]:
+def followed(
+    delay: float, rate: float, viscosity: float, push: PushLaw | None, device: str = "cpu"
+) -> tuple[float, float, float]:
     """A hand that moves a bead's trap evenly while its twin is fed by images.
 
     Args:
@@ -106,15 +108,16 @@ def followed(delay: float, rate: float, viscosity: float, push: PushLaw | None) 
         rate: Frames a second.
         viscosity: Of the plant over the twin's.
         push: As of `LostRule`.
+        device: Of plant, twin and images.
 
     Returns:
         Root mean square distance of twin and plant across the motion [µm], the mean force felt and its standard error
         by the scatter of the means of `BLOCK` seconds [pN].
     """
     scene, clock = seen_bead(), LinkedClock()
-    options = SeeingOptions(piece=PIECE, device="cpu")
-    plant = Plant(plant_scene(scene, PlantOptions(seed=5, viscosity=viscosity)), seed=5, device="cpu")
-    camera = SimulatedCamera(plant, Photographer(scene, device="cpu", seed=2), rate=rate)
+    options = SeeingOptions(piece=PIECE, device=device)
+    plant = Plant(plant_scene(scene, PlantOptions(seed=5, viscosity=viscosity)), seed=5, device=device)
+    camera = SimulatedCamera(plant, Photographer(scene, device=device, seed=2), rate=rate)
     seeing = see(scene, options)
     looker = DirectLooker(camera, estimator_of(scene, seeing), delay=delay)
     rule = LostRule(after=2.0, uncertain=10.0, push=push)
@@ -127,7 +130,7 @@ def followed(delay: float, rate: float, viscosity: float, push: PushLaw | None) 
         return servos[-1]
 
     plans = plan_hands(scene, {"right": line}, force_gain=FORCE_GAIN)
-    loop = LiveLoop(scene, plans, make_servo=servo, perception=perception, clock=clock, rate=RATE, device="cpu")
+    loop = LiveLoop(scene, plans, make_servo=servo, perception=perception, clock=clock, rate=RATE, device=device)
     off = []
     try:
         loop.start(arm=True)
@@ -144,14 +147,14 @@ def followed(delay: float, rate: float, viscosity: float, push: PushLaw | None) 
     return float(np.sqrt(np.mean(np.square(off)))), float(means.mean()), float(means.std(ddof=1) / np.sqrt(count))
 
 
-def errors() -> tuple[Table, dict[str, Any]]:
+def errors(device: str = "cpu") -> tuple[Table, dict[str, Any]]:
     """Late images, with pushes followed and without."""
     drag, rows, data = stokes_drag(seen_bead()), [], {}
     for delay, rate in LATE:
         row, found = [f"{1e3 * delay:g}", f"{rate:g}"], {}
         for name, push in (("with", PushLaw()), ("without", None)):
-            off, known, error = followed(delay, rate, 1.0, push)
-            _, more, other = followed(delay, rate, THICKER, push)
+            off, known, error = followed(delay, rate, 1.0, push, device)
+            _, more, other = followed(delay, rate, THICKER, push, device)
             whole = (THICKER - 1.0) * drag
             share, scatter = (more - known) / whole, float(np.hypot(error, other)) / whole
             row += [f"{1e3 * off:.0f}", f"{known / drag:.1f} ± {error / drag:.1f}", f"{share:.2f} ± {scatter:.2f}"]
@@ -172,9 +175,9 @@ def errors() -> tuple[Table, dict[str, Any]]:
     return Table(title=title, head=head, rows=rows, note=note), data
 
 
-def images(scene: Scene, folder: Path, count: int = 25) -> tuple[Path, float]:
+def images(scene: Scene, folder: Path, device: str, count: int = 25) -> tuple[Path, float]:
     """Whole frames with the robot at rest in its traps, and what rendering one piece takes [s]."""
-    plant, photographer = Plant(scene, seed=3, device="cpu"), Photographer(scene, device="cpu")
+    plant, photographer = Plant(scene, seed=3, device="cpu"), Photographer(scene, device=device)
     width, height = photographer.size
     camera = scene.camera
     assert camera is not None
@@ -197,7 +200,7 @@ def images(scene: Scene, folder: Path, count: int = 25) -> tuple[Path, float]:
     return folder / "frames.npy", float(np.median(took))
 
 
-def network(scene: Scene, folder: Path) -> Path:
+def network(folder: Path, device: str) -> Path:
     """The small network, trained on the robot for a minute or two."""
     from otwarp.vision.datasets import labels_of, load_spec, make_dataset
     from otwarp.vision.networks.settings import Settings
@@ -205,66 +208,92 @@ def network(scene: Scene, folder: Path) -> Path:
 
     file = folder / "robot.toml"
     file.write_text(SPEC.format(scene=Path(SCENE).resolve(), robot=ROBOT), encoding="utf-8")
-    make_dataset(labels_of(load_spec(file)), folder / "images", processes=1, device="cpu")
+    make_dataset(labels_of(load_spec(file)), folder / "images", processes=1, device=device)
     settings = Settings(net="small", heads="pose", size=96, epochs=25, batch=16, lr=3e-3, seed=1)
-    train(folder / "images", folder / "net", settings, device="cpu")
+    train(folder / "images", folder / "net", settings, device=device)
     return folder / "net"
 
 
-def session(scene: Scene, frames: Path, eyes: str) -> dict[str, Any]:
-    """A session with images from memory at 100 a second; its summary."""
-    options = SeeingOptions(networks=(eyes,), follow=(ROBOT,), device="cpu")
+def session(scene: Scene, frames: Path, eyes: str, seconds: float, looks: str, twin: str) -> dict[str, Any]:
+    """A session with images from memory at 100 a second; its summary.
+
+    Args:
+        scene: Of the twin.
+        frames: The images.
+        eyes: `templates`, or the network that looks.
+        seconds: How long it takes.
+        looks, twin: Devices of the eyes and of the twin.
+    """
+    options = SeeingOptions(networks=(eyes,), follow=(ROBOT,), device=looks)
     looker = ProcessLooker(scene, options, bodies=1, camera=f"files:{frames},rate=100,loop=1")
     looker.open()
     perception = closed_loop(scene, looker.pieces, looker, seeing=options)
-    asked = SessionOptions(devices={"left": "virtual:hold,at=0/0/0"}, arm=True, duration=REAL, device="cpu")
+    asked = SessionOptions(devices={"left": "virtual:hold,at=0/0/0"}, arm=True, duration=seconds, device=twin)
     quiet: Callable[[str], None] = lambda line: None  # noqa: E731
     report = Session(scene, asked, perception=perception, say=quiet).run()
     return report["perception"] | {"servo": report["servo"]}
 
 
-def latencies() -> tuple[Table, dict[str, Any]]:
-    """Stages from light to state, with templates and with the small network."""
+def latencies(device: str, seconds: float) -> tuple[Table, dict[str, Any]]:
+    """Stages from light to state, with templates and with the small network; of a GPU with the twin on either side."""
     scene, rows, data = Scene.load(SCENE), {}, {}
+    on_gpu = not pick_device(device).is_cpu
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        frames, rendering = images(scene, folder)
-        eyes = {"templates": "templates"}
+        frames, rendering = images(scene, folder, device)
+        eyes = {"templates": ("templates", "cpu")}
         if importlib.util.find_spec("torch") is not None:
-            eyes["small network"] = str(network(scene, folder))
-        for label, path in eyes.items():
-            found = session(scene, frames, path)
+            net = str(network(folder, device))
+            eyes["small network"] = (net, "cpu")
+            if on_gpu:
+                eyes["small network, twin on the GPU"] = (net, device)
+        for label, (path, twin) in eyes.items():
+            found = session(scene, frames, path, seconds, device, twin)
             data[label] = found
             for stage, took in found["latency"].items():
                 rows.setdefault(stage, {})[label] = f"{1e3 * took['p50']:.2f} / {1e3 * took['p99']:.2f}"
     shown = [*(stage for stage in STAGES if stage in rows and stage != "rendering"), "total"]
     table_rows = [(stage, *(rows[stage].get(label, "") for label in eyes)) for stage in shown]
-    rates = {k: f"{d['frames'] / REAL:.0f}" for k, d in data.items()}
+    rates = {k: f"{d['frames'] / seconds:.0f}" for k, d in data.items()}
     table_rows.append(("frames/s", *(rates[label] for label in eyes)))
     taken = {k: f"{b['accepted']} of {b['accepted'] + b['refused']}" for k, d in data.items() for b in d["bodies"]}
     table_rows.append(("measurements taken", *(taken[label] for label in eyes)))
     note = (
-        f"p50 / p99 [ms] of {REAL:g} s, one robot of {SCENE}, pieces of 96 × 96 pixels, images from memory at 100/s. "
+        f"p50 / p99 [ms] of {seconds:g} s, one robot of {SCENE}, pieces of 96 × 96 pixels, images from memory at "
+        "100/s; *estimate* is the network or the templates. "
         f"Rendering a piece, which is the laboratory's, takes {1e3 * rendering:.0f} ms (median). The servo adds up to "
         "a cycle of 1 ms until the force is sent; a device adds its own."
     )
     if len(eyes) == 1:
         note += " The small network needs torch, which was not there."
-    table = Table(title="From light to state, on a CPU", head=("stage", *eyes), rows=table_rows, note=note)
-    return table, data | {"rendering": rendering}
+    title = f"From light to state, {'with a GPU' if on_gpu else 'on a CPU'}"
+    return Table(title=title, head=("stage", *eyes), rows=table_rows, note=note), data | {"rendering": rendering}
 
 
-def measure(device: str = "cpu", *, rounds: int = 1) -> Section:
-    """Both; seeds are fixed, so that `rounds` changes nothing."""
+def measure(device: str = "cpu", *, rounds: int = 1, seconds: float = REAL) -> Section:
+    """Both tables; seeds are fixed, so that `rounds` changes nothing.
+
+    Args:
+        device: cpu or cuda:0.
+        rounds: Ignored.
+        seconds: Length of a session in real time.
+    """
     place = pick_device(device)
     kind = "cpu" if place.is_cpu else "cuda"
     machine = Machine.look(place)
-    late, found = latencies()
-    wrong, more = errors()
+    late, found = latencies(device, seconds)
+    wrong, more = errors(device)
+    asked = "" if seconds == REAL else f"--seconds {seconds:g}"
     return Section(
-        name="closed_loop", kind=kind, machine=machine, tables=[late, wrong], data={"latency": found, "errors": more}
-    )
+        name="closed_loop", kind=kind, machine=machine, tables=[late, wrong],
+        data={"latency": found, "errors": more}, asked=asked,
+    )  # fmt: skip
 
 
 if __name__ == "__main__":
-    command(measure, "Latency of a closed loop, and what late images leave of the truth.", rounds=1)
+    command(
+        measure,
+        "Latency of a closed loop, and what late images leave of the truth.",
+        rounds=1,
+        seconds={"type": float, "default": REAL, "help": f"length of a session in real time [s] (default: {REAL:g})"},
+    )

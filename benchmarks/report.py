@@ -87,12 +87,26 @@ def put_on_page(page: str, section: Section) -> str:
     Raises:
         InputError: The page has no such markers.
     """
-    begin, end = markers(section.name, section.kind)
+    return put_text(page, section.name, section.kind, section.markdown())
+
+
+def put_text(page: str, name: str, kind: str, text: str) -> str:
+    """Replace what stands between the markers of a section by a text.
+
+    Args:
+        page: All of its page.
+        name, kind: Of the section.
+        text: As its `markdown` is.
+
+    Raises:
+        InputError: The page has no such markers.
+    """
+    begin, end = markers(name, kind)
     if page.count(begin) != 1 or page.count(end) != 1:
-        raise InputError(f"the page of {section.name} must hold the markers {begin} and {end} once each")
+        raise InputError(f"the page of {name} must hold the markers {begin} and {end} once each")
     before, rest = page.split(begin)
     _, after = rest.split(end)
-    return f"{before}{begin}\n{section.markdown()}\n{end}{after}"
+    return f"{before}{begin}\n{text}\n{end}{after}"
 
 
 def check_places(out: Path | None, pages: Iterable[Path] = ()) -> None:

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.report import PAGES, Section, check_places, command, commit, positive, save_page
+from benchmarks.printed import sections_of
+from benchmarks.report import PAGES, Section, check_places, command, commit, markers, positive, put_text, save_page
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
 from otwarp.device import pick_device
@@ -87,3 +88,20 @@ def test_every_section_of_the_pages_does():
             sections += 1
             assert re.search(r" Commit [0-9a-f]{8,}\+?\.$", line), f"{page.name}: {line}"
     assert sections > 30
+
+
+def test_what_was_printed_elsewhere_goes_on_its_page():
+    """What stands on a page, printed into a file, is put back as it was; lines before a section are not of it."""
+    page = (PAGES / "vision.md").read_text(encoding="utf-8")
+    for kind in ("cpu", "cuda"):
+        begin, end = markers("vision", kind)
+        stands = page.split(begin)[1].split(end)[0].strip("\n") + "\n"
+        ((name, found, text),) = sections_of(f"training 1 of 3\n{stands}\n\n", "out.txt")
+        assert (name, found) == ("vision", kind)
+        assert put_text(page, name, found, text) == page
+    both = "".join(
+        f"`python -m benchmarks.{n}{d}` on a core.\n\n| a |\n" for n, d in (("a", ""), ("b", " --device cuda:0"))
+    )
+    assert [(name, kind) for name, kind, _ in sections_of(both, "out.txt")] == [("a", "cpu"), ("b", "cuda")]
+    with pytest.raises(InputError, match=r"^out\.txt has no section of a benchmark; allowed"):
+        sections_of("Killed", "out.txt")

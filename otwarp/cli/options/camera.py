@@ -40,6 +40,10 @@ _CAMERA = (
         "--lost-after", type=Number(0.01, 60.0, unit="s"), metavar="SECONDS",
         help="Time without a measurement after which nothing is felt of a body; default: 0.3.",
     ),
+    click.option(
+        "--camera-device", metavar="NAME",
+        help="Where networks look and a simulated laboratory's images are computed, cpu or cuda:0; default: --device.",
+    ),
     rate_option("--camera-rate", 0.1, 10_000.0, 100.0, "Exposures per second of a simulated laboratory."),
     click.option(
         "--rings", type=Number(1, 8, whole=True), default=1, show_default=True,
@@ -58,8 +62,8 @@ _CAMERA = (
 )  # fmt: skip
 """The camera, what looks at its images, and the laboratory that may stand for it."""
 
-NAMES = ("camera", "networks", "any_robot", "follow", "calibration", "lost_after", "camera_rate", "rings", "plant",
-         "plant_seed", "plant_viscosity", "plant_spread")  # fmt: skip
+NAMES = ("camera", "networks", "any_robot", "follow", "calibration", "lost_after", "camera_device", "camera_rate",
+         "rings", "plant", "plant_seed", "plant_viscosity", "plant_spread")  # fmt: skip
 
 
 def camera_options() -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -77,7 +81,7 @@ def split_options(options: dict[str, Any]) -> tuple[dict[str, Any], dict[str, An
     if asked["camera"] is None:
         given = {"--perception": asked["networks"], "--any-robot": asked["any_robot"], "--follow": asked["follow"],
                  "--calibration": asked["calibration"], "--lost-after": asked["lost_after"],
-                 "--plant": asked["plant"]}  # fmt: skip
+                 "--camera-device": asked["camera_device"], "--plant": asked["plant"]}  # fmt: skip
         for option, value in given.items():
             if value:
                 raise InputError(f"{option} is given without a camera; allowed with --camera")
@@ -102,6 +106,7 @@ def open_perception(
     """
     if asked["camera"] is None:
         return scene, None
+    from otwarp.device import pick_device
     from otwarp.perception.assemble import SeeingOptions, check_camera, closed_loop, followed_bodies
     from otwarp.perception.calibrated import calibrated
     from otwarp.perception.followed import LostRule
@@ -116,14 +121,16 @@ def open_perception(
         make_camera(name)  # refuses what cannot be
         if asked["plant"] is not None:
             raise InputError(f"--plant is {asked['plant']}; allowed with the scene's own camera, --camera is {name}")
+    device = asked["camera_device"] or session.device
+    pick_device(device)
     rule = LostRule() if asked["lost_after"] is None else LostRule(after=asked["lost_after"])
     rendering = dataclasses.replace(LIVE, rings=asked["rings"])
     seeing = SeeingOptions(
         networks=asked["networks"] or ("templates",), follow=asked["follow"], rule=rule, rendering=rendering,
-        device=session.device, any_robot=asked["any_robot"],
+        device=device, any_robot=asked["any_robot"],
     )  # fmt: skip
     twin = calibrated(scene, asked["calibration"], simulated=simulated, camera=name)
-    lab = _laboratory(scene, asked, session.device) if simulated else None
+    lab = _laboratory(scene, asked, device) if simulated else None
     looker = ProcessLooker(
         twin, seeing, bodies=len(followed_bodies(twin, asked["follow"])), camera=name, lab=lab, say=say
     )
