@@ -310,19 +310,19 @@ def beat_of(data: bytes | memoryview) -> int:
 
 
 def pack_image(rows: bytes, width: int, height: int, time: int, frame: str) -> bytes:
-    """Bytes of a `sensor_msgs/msg/Image` of grey levels, `mono8`.
+    """Bytes of a `sensor_msgs/msg/Image` of grey levels, `mono8`, or `mono16` where there are two bytes a pixel.
 
     Args:
-        rows: The levels, the highest row first.
+        rows: The levels, the highest row first; of two bytes the lower one first.
         width, height: [pixels].
         time: Of their light [ns since 1970].
         frame: In which they are.
     """
-    name, encoding = frame.encode() + b"\0", b"mono8\0"
+    name, encoding = frame.encode() + b"\0", b"mono8\0" if len(rows) == width * height else b"mono16\0"
     body = struct.pack("<iII", time // 10**9, time % 10**9, len(name)) + name
     body += bytes(-len(body) % 4) + struct.pack("<3I", height, width, len(encoding)) + encoding
     body += b"\0"  # is_bigendian
-    return HEAD + body + bytes(-len(body) % 4) + struct.pack("<2I", width, len(rows)) + rows
+    return HEAD + body + bytes(-len(body) % 4) + struct.pack("<2I", len(rows) // max(height, 1), len(rows)) + rows
 
 
 def unpack_image(data: bytes | memoryview) -> tuple[bytes, int, int]:
@@ -339,7 +339,7 @@ def unpack_image(data: bytes | memoryview) -> tuple[bytes, int, int]:
         at = -(-(at + 12 + size + 1) // 4) * 4
         step, count = struct.unpack_from("<2I", body, at)
         rows = bytes(body[at + 8 : at + 8 + count])
-        if step != width or len(rows) != width * height:
+        if step not in (width, 2 * width) or len(rows) != step * height:
             raise ValueError(f"{len(rows)} bytes for {width} x {height} pixels")
     except (struct.error, ValueError) as error:
         raise InputError(f"message sensor_msgs/msg/Image: cannot be read ({error})") from None

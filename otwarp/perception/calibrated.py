@@ -38,6 +38,9 @@ def calibrated(scene: Scene, file: str | None, *, simulated: bool, camera: str) 
             f"--calibration is missing for --camera {camera}; allowed: what otwarp vision calibrate wrote, or "
             f"{AS_AUTHORED} to take the scene's camera as it is"
         )
+    if not simulated and camera_of(scene).bits != 8:
+        # whatever it gives, eight bits of it are looked at
+        scene = dataclasses.replace(scene, camera=dataclasses.replace(camera_of(scene), bits=8))
     if file in (None, AS_AUTHORED):
         return scene
     assert file is not None

@@ -248,7 +248,8 @@ def _turns(file: McapFile) -> Iterator[tuple[dict[str, Any], dict[str, list[np.n
     for message in file.messages():
         if message.topic.startswith(CAMERA):
             rows, wide, high = unpack_image(message.data)
-            levels = np.frombuffer(rows, dtype=np.uint8).reshape(high, wide)[::-1]
+            kind = np.dtype("u1" if len(rows) == wide * high else "<u2")
+            levels = np.frombuffer(rows, dtype=kind).reshape(high, wide)[::-1]
             images.setdefault(message.topic[len(CAMERA) :], []).append(np.ascontiguousarray(levels))
         elif message.topic == SCENE:
             state = unpack_scene(message.data)

@@ -27,6 +27,7 @@ class Picture:
         focus: (f) heights of the focal planes relative to the camera's own [µm].
         intensity: (f, height, width), 1 where light is unhindered; row 0 is the lowest.
         levels: The same as grey levels of the sensor.
+        bits: Of these.
         pixel: [µm].
         solids: Spheres and rods that were in the light.
         sources: Points of the condenser.
@@ -39,6 +40,7 @@ class Picture:
     focus: np.ndarray
     intensity: np.ndarray
     levels: np.ndarray
+    bits: int
     pixel: float
     solids: int
     sources: int
@@ -103,7 +105,7 @@ def picture(
             error = exposed.error(planes)
     levels = sensor.levels(total, seed=seed)
     return Picture(
-        np.asarray(focus, dtype=float), total, levels, microscope.pixel, solids=len(there.specimen),
+        np.asarray(focus, dtype=float), total, levels, sensor.bits, microscope.pixel, solids=len(there.specimen),
         sources=exposed.sources, margin=exposed.margin, error=error, left_out=tuple(left_out),
         cut=tuple(cut),
     )  # fmt: skip

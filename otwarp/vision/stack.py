@@ -24,7 +24,9 @@ def check_ending(file: Path) -> None:
         raise InputError(f"--out is {file}; allowed: a file that ends with {', '.join(ENDINGS)}")
 
 
-def save_stack(file: Path, intensity: np.ndarray, levels: np.ndarray, focus: np.ndarray, pixel: float) -> Path:
+def save_stack(
+    file: Path, intensity: np.ndarray, levels: np.ndarray, focus: np.ndarray, pixel: float, bits: int = 8
+) -> Path:
     """Write images: as panels side by side (PNG), all grey levels (TIFF, a page each), or intensities (NumPy).
 
     Args:
@@ -33,6 +35,7 @@ def save_stack(file: Path, intensity: np.ndarray, levels: np.ndarray, focus: np.
         levels: The same as the sensor's grey levels.
         focus: (f) heights of the focal planes relative to the camera's own [µm].
         pixel: [µm].
+        bits: Of a grey level; panels are white at full scale.
 
     Raises:
         InputError: Another ending, or a file that cannot be written.
@@ -47,11 +50,11 @@ def save_stack(file: Path, intensity: np.ndarray, levels: np.ndarray, focus: np.
             pages = [Image.fromarray(page[::-1]) for page in levels]
             pages[0].save(part, save_all=True, append_images=pages[1:])
         else:
-            _panels(part, levels, focus, pixel)
+            _panels(part, levels, focus, pixel, 2**bits - 1)
     return file
 
 
-def _panels(file: Path, levels: np.ndarray, focus: np.ndarray, pixel: float) -> None:
+def _panels(file: Path, levels: np.ndarray, focus: np.ndarray, pixel: float, top: int) -> None:
     from matplotlib.figure import Figure
 
     count, height, width = levels.shape
@@ -59,7 +62,6 @@ def _panels(file: Path, levels: np.ndarray, focus: np.ndarray, pixel: float) -> 
     rows = -(-count // columns)
     figure = Figure(figsize=(2.0 * columns, 2.0 * rows * height / width + 0.3 * rows), layout="constrained")
     figure.get_layout_engine().set(w_pad=0.02, h_pad=0.05)  # type: ignore[union-attr]
-    top = 255 if levels.dtype == np.uint8 else 65535
     bar = _round_length(0.3 * width * pixel)
     for n, (page, z) in enumerate(zip(levels, focus, strict=True)):
         axes = figure.add_subplot(rows, columns, n + 1)

@@ -70,6 +70,10 @@ def test_a_calibration_is_of_this_camera(tmp_path: Path):
     # the focal plane lies where the traps are, less what these are above it
     assert (own.focus, real.focus) == (camera.focus, pytest.approx(15.0 - 0.3))
     assert calibrated(scene, "scene", simulated=False, camera="v4l2:0") is scene
+    deep = dataclasses.replace(scene, camera=dataclasses.replace(camera, bits=12))
+    for simulated, bits in ((True, 12), (False, 8)):  # of a real camera eight bits are looked at
+        found = calibrated(deep, "scene", simulated=simulated, camera="v4l2:0").camera
+        assert found is not None and found.bits == bits
     others = {
         "its pixel is 0.17 µm": Calibration({"pixel": measured(0.17)}, {"optics": optics}),
         "its numerical_aperture is 1.2": Calibration(
@@ -111,6 +115,7 @@ def test_a_network_is_of_this_robot_and_camera():
     moved["spheres"][0]["center"][0] += 0.1
     wrong = {
         r"takes pixels of 0.065 µm; allowed: the camera's, 0.16 µm": {"pixel": 0.065},
+        r"takes levels of 6 bits; allowed: the camera's, 8": {"about": right.about | {"bits": 6}},
         r"takes images of 96 × 80 pixels; allowed: squares": {"shape": (80, 96)},
         r"says no depth; allowed: heads pose or both": {"names": ("x", "y", "tilt")},
         r"says classes and normalised depth alone": {"about": {"heads": "paper"}},

@@ -112,6 +112,10 @@ def test_images_are_those_of_ros(take):
         assert unpack_image(packed) == (bytes(range(size[0] * size[1])), *size)
         again = store.deserialize_cdr(packed, kind)
         assert (again.header.stamp.sec, again.header.stamp.nanosec, again.width) == (7, 9, size[0])
+    deep = np.array([[1, 2, 4095], [256, 5, 6]], dtype="<u2")
+    packed = pack_image(deep.tobytes(), 3, 2, 7_000_000_009, "camera")
+    again = store.deserialize_cdr(packed, kind)
+    assert (again.encoding, again.step) == ("mono16", 6) and unpack_image(packed) == (deep.tobytes(), 3, 2)
     with pytest.raises(InputError, match="cannot be read"):
         unpack_image(data[:-5])
 

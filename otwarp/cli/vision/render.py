@@ -106,7 +106,7 @@ def render(
     how = Rendering(method=method, thickness=thickness, rings=rings, margin=margin)
     seen = moments(path, time=time, world=world, seed=seed, device=device, center=center, exposure=exposure)
     found: Any = picture(seen, focus, size=size, center=center, rendering=how, seed=seed, device=device)
-    save_stack(file, found.intensity, found.levels, found.focus, found.pixel)
+    save_stack(file, found.intensity, found.levels, found.focus, found.pixel, found.bits)
     high, wide = found.levels.shape[1:]
     click.echo(f"{counted(len(found.focus), 'focal plane')} of {wide} × {high} pixels of "
                f"{1e3 * found.pixel:g} nm, {counted(found.solids, 'solid')}, {counted(found.sources, 'source point')}, "

@@ -147,7 +147,7 @@ class RecordingFile:
     def perceived(self, turn: PerceptionTurn, time: int, stamp: Callable[[float], int]) -> None:
         """What a camera said in a turn; images before what refers to them."""
         for name, levels, light in turn.pictures:
-            rows = np.ascontiguousarray(levels[::-1]).tobytes()
+            rows = np.ascontiguousarray(levels[::-1], dtype="u1" if levels.itemsize == 1 else "<u2").tobytes()
             image = pack_image(rows, levels.shape[1], levels.shape[0], stamp(light), "camera")
             self._write(CAMERA + frame_of(name), IMAGE, time, image)
         self.text(PERCEPTION, time, json.dumps(turn.told))

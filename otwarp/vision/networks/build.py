@@ -55,6 +55,7 @@ def described(
         "shape": [int(n) for n in dataset.shape],
         "pixel": float(dataset.manifest["optics"]["pixel"]),
         "grey": list(grey),
+        "bits": int(dataset.manifest["sensor"]["bits"]),
         "robot": dict(dataset.manifest["robot"]),
         "learnt": learnt_of(dataset),
     }

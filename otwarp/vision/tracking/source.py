@@ -169,7 +169,7 @@ def network_for(
         turn_always: Whether images are turned as well where all azimuths that it goes through were learnt.
 
     Raises:
-        InputError: It takes other pixels, images that are not square, or is that of another robot.
+        InputError: It takes other pixels, other levels, images that are not square, or is that of another robot.
 
     Warns:
         PlausibilityWarning: The body goes through poses, or the camera has optics, that the network has not learnt.
@@ -182,6 +182,9 @@ def network_for(
     height, width = net.shape
     if height != width:
         raise InputError(f"{who} takes images of {width} × {height} pixels; allowed: squares")
+    bits = int(net.about.get("bits", 8))
+    if camera_of(scene).bits != bits:
+        raise InputError(f"{who} takes levels of {bits} bits; allowed: the camera's, {camera_of(scene).bits}")
     microscope, long = microscope_of(scene), bool(np.any(Shape.of(scene, body, np.zeros(3)).axis))
     first, last = np.radians(net.about.get("learnt", {}).get("yaw", [-180.0, 180.0]))
     middle = float(0.5 * (first + last))
