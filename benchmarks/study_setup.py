@@ -32,7 +32,7 @@ PHASES: dict[str, list[tuple[Any, str]]] = {
     "the simulation": [(Simulation, "__init__")],
     "its worlds started": [(Simulation, "reset")],
     "what became of each, read": [(runner.Runner, "_outcomes")],
-    "one step of all": [(Simulation, "step")],
+    "one step of all, not counted": [(Simulation, "step")],
     "Warp's launches, copies, fills, and memory given back": [
         *((WARP, name) for name in ("invoke", "copy")),
         *((wp.array, name) for name in ("zero_", "fill_", "__del__")),
@@ -41,18 +41,22 @@ PHASES: dict[str, list[tuple[Any, str]]] = {
 """By phase the functions, and whose they are, whose time is counted for it, without what they call of other phases."""
 
 REST = "trials numbered, results put in place"
-HOST = "**the host's part of all these**"
-LAST = tuple(PHASES)[-1]
-"""What a GPU does by itself: on a CPU it takes the host's time, and more than there."""
+HOST = "**the host's part**"
+ALL = "**both**"
+STEP, LAST = tuple(PHASES)[-2:]
+"""What is not counted; what a GPU does by itself: on a CPU it takes the host's time, and more than there."""
 WRITTEN = "chunks written, beside GPUs by a second thread"
 
 
 class Clock:
-    """Processor time of a thread by phase [s]: a function's own is that without those that it calls of `PHASES`."""
+    """Processor time of a thread by phase [s]: a function's own is that without those that it calls of `PHASES`, but
+    for those of a step.
+    """
 
     def __init__(self) -> None:
         self.found: dict[str, float] = defaultdict(float)
         self.inner = [0.0]
+        self.stepping = False
 
     def counted(self, phase: str, function: Any) -> Any:
         """The function, counted."""
@@ -60,11 +64,15 @@ class Clock:
         @functools.wraps(function)
         def call(*given: Any, **named: Any) -> Any:
             """The same, timed."""
+            if self.stepping:
+                return function(*given, **named)
+            self.stepping = phase == STEP
             self.inner.append(0.0)
             begun = time.thread_time()
             try:
                 return function(*given, **named)
             finally:
+                self.stepping = False
                 taken = time.thread_time() - begun
                 self.found[phase] += taken - self.inner.pop()
                 self.inner[-1] += taken
@@ -111,11 +119,12 @@ def setup_table(study: Study, device: wp.Device, rounds: int) -> Table:
             begun = time.process_time()
             keep(study, store, numbers, blocks)
             clock.found[WRITTEN] = time.process_time() - begun
-            clock.found[HOST] = sum(clock.found[p] for p in (*PHASES, REST) if p != LAST)
+            clock.found[HOST] = sum(clock.found[p] for p in (*PHASES, REST) if p not in (STEP, LAST))
+            clock.found[ALL] = clock.found[HOST] + clock.found[LAST]
             for phase, seconds in clock.found.items():
                 samples.setdefault(phase, []).append(1e3 * seconds)
     trials = sum(int(np.sum(block["trials"])) for block in blocks)
-    order = [*(p for p in PHASES if p != LAST), REST, HOST, LAST, WRITTEN]
+    order = [*(p for p in PHASES if p not in (STEP, LAST)), REST, HOST, LAST, ALL, STEP, WRITTEN]
     return Table(
         title=f"Set-up of {trials:,} trials of the capture map",
         head=("phase", "processor time, least [ms]"),
