@@ -37,12 +37,22 @@ def read_triangles(mesh: Any, name: str, allowed: str) -> tuple[str, Any]:
     elif isinstance(mesh, tuple):
         mesh = trimesh.Trimesh(np.asarray(mesh[0], dtype=float), np.asarray(mesh[1]), process=False)
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
-        raise InputError(f"{name}: has no triangles; allowed: {allowed}")
+        raise InputError(f"{name}: {_cut_off(Path(name)) or 'has no triangles'}; allowed: {allowed}")
     wrong = np.flatnonzero(~np.isfinite(mesh.vertices[mesh.faces]).all(axis=(1, 2)))
     if len(wrong):
         corners = mesh.vertices[mesh.faces[wrong[0]]].tolist()
         raise InputError(f"{name}: triangle {wrong[0]} has the corners {corners}; allowed: finite numbers")
     return name, trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+
+
+def _cut_off(file: Path) -> str:
+    """What is missing of a binary STL that says how many triangles it has, which trimesh takes for an empty text."""
+    if file.suffix.lower() != ".stl" or not file.is_file():
+        return ""
+    with file.open("rb") as opened:
+        head = opened.read(84)
+    there, said = (file.stat().st_size - 84) // 50, int.from_bytes(head[80:], "little")
+    return f"is cut off, with {there:,} of {said:,} triangles" if b"\0" in head and 0 <= there < said else ""
 
 
 SMALLEST_MESH, LARGEST_MESH = 0.1, 1e5

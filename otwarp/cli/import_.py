@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -98,15 +99,18 @@ def _about(mesh: Path, surface: Surface) -> dict[str, Any]:
         "size": list(surface.size),
         "volume": surface.volume,
         "repairs": list(surface.repairs),
-        "moved": surface.moved if surface.moved < float("inf") else None,
+        "moved": surface.moved if math.isfinite(surface.moved) else None,
     }
 
 
 def _print(mesh: Path, surface: Surface) -> None:
+    from otwarp.scene.write.mesh_file import REACH
+
     x, y, z = surface.size
     click.echo(f"{mesh}: {surface.kind} of {len(surface.triangles):,} triangles, {x:.4g} × {y:.4g} × {z:.4g} µm"
                + (f", {surface.volume:.4g} µm³" if surface.volume else ", open"))  # fmt: skip
     for line in surface.repairs:
         click.echo(f"repaired  {line}")
     if surface.moved:
-        click.echo(f"simplified: its surface moved by up to {surface.moved:.2g} µm")
+        far = f"up to {surface.moved:.2g}" if math.isfinite(surface.moved) else f"more than {REACH * max(x, y, z):.2g}"
+        click.echo(f"simplified: its surface moved by {far} µm")

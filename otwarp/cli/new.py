@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 
 import click
 
@@ -35,4 +36,4 @@ def new(kind: str, file: Path, force: bool) -> None:
         part.write_text(shipped.template(kind), encoding="utf-8")
     click.echo(f"wrote {file}")
     for command in NEXT[ending]:
-        click.echo(f"next   otwarp {command} {file}")
+        click.echo(f"next   otwarp {command} {quote(str(file))}")

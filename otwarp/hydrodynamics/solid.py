@@ -58,13 +58,13 @@ def closed_mesh(mesh: Any, metres_per_unit: float = 1e-6) -> ClosedMesh:
     if not (np.isfinite(metres_per_unit) and metres_per_unit > 0.0):
         raise InputError(f"argument metres_per_unit = {metres_per_unit:g}: must be in (0, inf)")
     name, mesh = read_triangles(mesh, "argument mesh", "a closed triangle mesh")
+    check_mesh_size(name, float(np.ptp(mesh.vertices, axis=0).max()), metres_per_unit)
+    mesh.vertices = mesh.vertices * (metres_per_unit / 1e-6)  # before corners are joined: trimesh does within 1e-8
     mesh.process(validate=False)  # joins the corners that STL keeps apart
     if not (mesh.is_watertight and mesh.is_winding_consistent):
         raise InputError(f"{name}: the surface has holes or is turned inside out in parts; allowed: a closed one")
-    check_mesh_size(name, float(np.ptp(mesh.vertices, axis=0).max()), metres_per_unit)
-    scale = metres_per_unit / 1e-6
-    vertices, triangles = scale * np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces, dtype=np.int64)
-    volume = float(mesh.volume) * scale**3
+    vertices, triangles = np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces, dtype=np.int64)
+    volume = float(mesh.volume)
     if not (np.isfinite(volume) and volume != 0.0):
         raise InputError(f"{name}: encloses a volume of {volume:g}; allowed: a closed surface around a solid")
     return ClosedMesh(vertices, triangles if volume > 0.0 else triangles[:, ::-1], abs(volume))

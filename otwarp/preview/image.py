@@ -1,49 +1,18 @@
-"""Pictures and movies on disk. A file appears under its name only when it is complete."""
+"""Pictures, and movies as GIF, on disk; both appear under their names only when they are whole."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 from PIL import GifImagePlugin, Image
 
 from otwarp.errors import InputError
-from otwarp.files import check_full
+from otwarp.files import written
 
 _CHANGED = 3
 """Levels by which a pixel must differ from the frame before to be written again."""
-
-
-@contextmanager
-def atomic_file(path: Path) -> Iterator[BinaryIO]:
-    """Open a hidden neighbour of `path` for writing; on success it takes the name `path`, else it is removed.
-
-    Raises:
-        InputError: The folder does not exist or cannot be written.
-    """
-    hidden = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        file = hidden.open("wb")
-    except OSError as error:
-        check_full(error, path)
-        raise InputError(
-            f"{path}: cannot be written ({error.strerror}); a file in a writable folder is wanted"
-        ) from None
-    try:
-        with file:
-            yield file
-        hidden.replace(path)
-    except OSError as error:
-        hidden.unlink(missing_ok=True)
-        check_full(error, path)
-        raise InputError(f"{path}: cannot be written ({error.strerror})") from None
-    except BaseException:
-        hidden.unlink(missing_ok=True)
-        raise
 
 
 def save_png(image: np.ndarray, path: str | Path) -> Path:
@@ -53,7 +22,7 @@ def save_png(image: np.ndarray, path: str | Path) -> Path:
         InputError: The file cannot be written.
     """
     path = Path(path)
-    with atomic_file(path) as file:
+    with written(path, str(path)) as part, part.open("wb") as file:
         Image.fromarray(image).save(file, format="PNG")
     return path
 
@@ -95,7 +64,7 @@ def save_movie(frames: Iterable[np.ndarray], path: str | Path, fps: float) -> in
     if not 0.0 < fps <= 50.0:
         raise InputError(f"{path}: fps = {fps:g}, allowed (0, 50]")
     count, shown = 0, None
-    with atomic_file(path) as file:
+    with written(path, str(path)) as part, part.open("wb") as file:
         for image in frames:
             if shown is None:
                 shown = image.astype(np.int16)

@@ -58,7 +58,8 @@ def save_video(frames: Iterable[np.ndarray], path: str | Path, fps: float) -> in
         Number of frames written.
 
     Raises:
-        InputError: No frames, frames of different sizes or too small, or the file cannot be written.
+        InputError: No frames, frames of different sizes or too small, or the file cannot be written, also for a full
+            disk: ffmpeg then says why on standard error.
     """
     import imageio_ffmpeg
 
@@ -86,11 +87,26 @@ def save_video(frames: Iterable[np.ndarray], path: str | Path, fps: float) -> in
                     encoder.send(None)
                 elif image.shape != shape:
                     raise InputError(f"{path}: frame {count} has shape {image.shape}, the ones before {shape}")
-                encoder.send(np.ascontiguousarray(image[:height, :width]))
+                try:
+                    encoder.send(np.ascontiguousarray(image[:height, :width]))
+                except OSError:  # ffmpeg is gone
+                    break
                 count += 1
         finally:
             if encoder is not None:
                 encoder.close()
-        if count == 0:
+        if encoder is None:
             raise InputError(f"{path}: no frames to write, at least 1 wanted")
+        if (whole := _frames_in(part)) != count or not count:
+            raise InputError(f"{path}: ffmpeg wrote {whole} of {count} frames; allowed: a disk with room")
     return count
+
+
+def _frames_in(file: Path) -> int:
+    """How many frames of a movie can be read: on a full disk ffmpeg's binding says nothing of what it did not write."""
+    import imageio_ffmpeg
+
+    try:
+        return imageio_ffmpeg.count_frames_and_secs(file)[0] or 0
+    except RuntimeError:
+        return 0

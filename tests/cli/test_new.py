@@ -39,6 +39,14 @@ def test_a_template_is_valid_and_replaces_nothing(
     assert "allowed: a name that ends in" in capsys.readouterr().err
 
 
+def test_what_to_do_next_can_be_pasted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "robot", "my köder.usda"]) == 0
+    assert "next   otwarp run 'my köder.usda'\n" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("kind", SCENES)
 def test_a_template_runs_and_loses_nothing(kind: str, tmp_path: Path, device: str) -> None:
     file, out = tmp_path / "mine.usda", tmp_path / "out"

@@ -67,6 +67,17 @@ def test_a_movie_that_fails_leaves_no_file(tmp_path: Path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("ending", ["mp4", "webm"])
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_a_movie_on_a_full_disk_is_refused(tmp_path: Path, ending: str):
+    noise = np.random.default_rng(1).integers(0, 255, (60, 64, 96, 3), dtype=np.uint8)
+    for frames in (noise[:2], noise):  # it fails at the end, or on the way
+        (tmp_path / f".a.part.{ending}").symlink_to("/dev/full")
+        with pytest.raises(InputError, match=r"ffmpeg wrote \d+ of \d+ frames; allowed: a disk with room"):
+            video.save_video(frames, tmp_path / f"a.{ending}", 10)
+        assert list(tmp_path.iterdir()) == []
+
+
 def test_a_run_is_filmed(tmp_path: Path):
     run = stages.recorded_run(tmp_path / "run")
     assert preview(run, movie=tmp_path / "run.mp4", size=(96, 54), samples=1, device="cpu", fps=10) == [

@@ -81,19 +81,19 @@ def read_surface(
     if not (np.isfinite(metres_per_unit) and metres_per_unit > 0.0):
         raise InputError(f"mesh: metres_per_unit = {metres_per_unit:g}: must be in (0, inf)")
     name, found = _load(mesh)
+    check_mesh_size(name, float(np.ptp(found.vertices, axis=0).max()), metres_per_unit)
+    found.vertices = found.vertices * (metres_per_unit / 1e-6)  # before corners are joined: trimesh does within 1e-8
     repairs = _mended(found, kind)
     if kind != "sheet" and not found.is_watertight:
-        raise InputError(f"{name}: {_hole(found, metres_per_unit)}; allowed: a closed surface, or --as sheet for a "
-                         "thin wall that is solid from both sides")  # fmt: skip
-    scale = metres_per_unit / 1e-6
-    check_mesh_size(name, float(np.ptp(found.vertices, axis=0).max()), metres_per_unit)
+        raise InputError(f"{name}: {_hole(found)}; allowed: a closed surface, or --as sheet for a thin wall that is "
+                         "solid from both sides")  # fmt: skip
     moved = 0.0
     if simplify is not None:
         found, moved = _simplified(name, found, kind, simplify)
     if len(found.faces) > MOST_TRIANGLES:
         raise InputError(f"{name}: has {len(found.faces):,} triangles; allowed: up to {MOST_TRIANGLES:,}, which "
                          "--simplify N reduces it to")  # fmt: skip
-    vertices, triangles = scale * np.asarray(found.vertices, dtype=float), np.asarray(found.faces, dtype=np.int32)
+    vertices, triangles = np.asarray(found.vertices, dtype=float), np.asarray(found.faces, dtype=np.int32)
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     if center:
         vertices = vertices - 0.5 * (low + high)
@@ -104,7 +104,7 @@ def read_surface(
     x, y, z = (float(side) for side in high - low)
     return Surface(
         kind=kind, vertices=vertices, triangles=triangles[:, ::-1].copy() if kind == "chamber" else triangles,
-        repairs=tuple(repairs), size=(x, y, z), volume=volume, moved=moved * scale,
+        repairs=tuple(repairs), size=(x, y, z), volume=volume, moved=moved,
     )  # fmt: skip
 
 
@@ -153,12 +153,12 @@ def _volume(vertices: np.ndarray, triangles: np.ndarray) -> float:
     return float(np.einsum("ni,ni->", a - a[0], np.cross(b - a[0], c - a[0]))) / 6.0
 
 
-def _hole(mesh: Any, metres_per_unit: float) -> str:
+def _hole(mesh: Any) -> str:
     """Where a surface is not closed."""
     edges = np.asarray(mesh.edges_sorted)
     once, counts = np.unique(edges, axis=0, return_counts=True)
     odd = once[counts != 2]
-    x, y, z = np.asarray(mesh.vertices)[odd[0]].mean(axis=0) * metres_per_unit * 1e6
+    x, y, z = np.asarray(mesh.vertices)[odd[0]].mean(axis=0)
     what = "has holes" if (counts < 2).any() else "has edges of more than two triangles"
     return f"the surface {what}, {len(odd)} edges in all, the first near ({x:.4g}, {y:.4g}, {z:.4g}) µm"
 

@@ -34,6 +34,16 @@ def test_files_are_read_in_their_unit(tmp_path: Path, ending: str) -> None:
     assert found.volume == pytest.approx(volume(found.vertices, found.triangles), rel=1e-4) and found.volume > 500.0
 
 
+def test_corners_stay_apart_in_any_unit() -> None:
+    """A part of 2 µm that a program saved in metres has corners 1e-8 apart, which trimesh would join."""
+    mesh = ball(6, 1.0)
+    whole = read_surface((mesh.vertices, mesh.faces))
+    found = read_surface((1e-6 * mesh.vertices, mesh.faces), metres_per_unit=1.0)
+    assert len(found.triangles) == len(whole.triangles) == 81_920 and found.repairs == ()
+    with pytest.raises(InputError, match=r"is 2e-06 µm long, .*; --scale 1 "):
+        read_surface((1e-6 * mesh.vertices, mesh.faces))
+
+
 def test_a_chamber_looks_inwards_whatever_the_file_does() -> None:
     outwards, inwards = ball(), ball()
     inwards.invert()
@@ -86,7 +96,7 @@ def test_what_cannot_be_an_obstacle_is_refused(tmp_path: Path) -> None:
     for bad, options, said in (
         (tmp_path / "none.stl", {}, r"none\.stl: no such file; allowed: a triangle mesh in STL, OBJ or PLY"),
         (other, {}, r"suffix = \.step; allowed"),
-        (cut, {}, r"cut\.stl: (cannot be read|has no triangles)"),
+        (cut, {}, r"cut\.stl: is cut off, with 98 of 1,280 triangles; allowed"),
         (text, {}, r"text\.stl: (cannot be read|has no triangles)"),
         (
             open_mesh,
