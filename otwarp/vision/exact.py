@@ -34,7 +34,7 @@ def scattered_spectra(
         gives them, each polarisation with half of the light, which is not polarised.
 
     Raises:
-        InputError: Capsules, or spheres that overlap.
+        InputError: Capsules, spheres that overlap, or more light than fits the memory.
     """
     k, n = microscope.wavenumber, grid.cells
     x, y = grid.wavenumbers()
@@ -46,6 +46,7 @@ def scattered_spectra(
     across = light.steps * step
     incoming = np.column_stack([across, np.sqrt(k * k - np.sum(across**2, axis=1))]) / k
     polarisations = frame(incoming)
+    fourier.check_room(2, 2, len(light.weights), n, n)
     spectra = np.zeros((2, 2, len(light.weights), n, n), dtype=np.complex64)
     image_out, image_in = _in_image(direction), _in_image(incoming)
     density = (1j * step * step / (2.0 * math.pi * out_z)).astype(np.complex64)

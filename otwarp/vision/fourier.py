@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import os
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,9 @@ import warp as wp
 
 from otwarp.device import pick_device
 from otwarp.errors import InputError
+
+ROOM = 0.45
+"""Share of the memory that one array may take: there are two of the largest at a time."""
 
 
 class Fourier:
@@ -41,8 +45,34 @@ class Fourier:
             return kept
         return _torch().from_numpy(kept.copy()).to(self._torch_device)
 
+    def check_room(self, *shape: int) -> None:
+        """Refuse complex64 arrays of a shape that do not fit the memory, before anything is computed or swapped.
+
+        Raises:
+            InputError: They do not.
+        """
+        needed, there = 8 * math.prod(shape), self._memory()
+        if needed > ROOM * there:
+            raise InputError(f"light of {' × '.join(map(str, shape))} numbers takes {needed / 2**30:.3g} GiB; allowed "
+                             f"on {self.device}: {ROOM * there / 2**30:.3g} GiB, as for focal planes nearer to the "
+                             "bodies, a smaller image or margin, or fewer rings")  # fmt: skip
+
+    def _memory(self) -> float:
+        """Of the device, or of the machine [bytes]; infinite where nobody tells."""
+        if self.device.is_cuda:
+            return float(self.device.total_memory)
+        try:
+            return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+        except (AttributeError, ValueError, OSError):
+            return math.inf
+
     def zeros(self, *shape: int) -> Any:
-        """Array of zeros of a shape on the device, complex64."""
+        """Array of zeros of a shape on the device, complex64.
+
+        Raises:
+            InputError: It does not fit the memory.
+        """
+        self.check_room(*shape)
         if self.library == "scipy":
             return np.zeros(shape, dtype=np.complex64)
         return _torch().zeros(shape, dtype=_torch().complex64, device=self._torch_device)

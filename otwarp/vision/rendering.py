@@ -18,7 +18,7 @@ from otwarp.vision.illumination import Illumination, illumination, lattice
 from otwarp.vision.image import images, images_many
 from otwarp.vision.microscope import Microscope
 from otwarp.vision.propagation import propagate, propagate_many
-from otwarp.vision.sampling import distances, margin_needed, reaches, rings_needed, usual_planes
+from otwarp.vision.sampling import distances, margin_needed, points_needed, reaches, rings_needed, usual_planes
 from otwarp.vision.slices import METHODS
 from otwarp.vision.specimen import Specimen
 
@@ -178,7 +178,7 @@ def expose(
     parts = []
     for wavelength, share in microscope.lines():
         one = microscope if microscope.bandwidth <= 0.0 else microscope.at(wavelength)
-        light = light_for(around, one, grid, planes, how)
+        light = light_for(around, one, grid, planes, how, where)
         if how.method == "mie":
             if one.illumination_curvature:
                 raise InputError("illumination_curvature is of waves that are not plane; allowed for mie: 0")
@@ -200,12 +200,19 @@ def grid_for(
 
 
 def light_for(
-    specimen: Specimen, microscope: Microscope, grid: Grid, planes: np.ndarray, how: Rendering
+    specimen: Specimen, microscope: Microscope, grid: Grid, planes: np.ndarray, how: Rendering, fourier: Fourier
 ) -> Illumination:
-    """The source points with which `expose` lights a specimen for planes at these heights [µm]."""
+    """The source points with which `expose` lights a specimen for planes at these heights [µm].
+
+    Raises:
+        InputError: More than the memory holds waves of.
+    """
     if how.rings != "auto":
         return illumination(microscope, grid.length, rings=how.rings, azimuth=how.azimuth)
-    return lattice(microscope, grid.length, float(reaches(microscope, specimen, planes).max(initial=0.0)))
+    reach = float(reaches(microscope, specimen, planes).max(initial=0.0))
+    # far planes need more points than can be made, let alone led through a specimen
+    fourier.check_room(points_needed(microscope, grid.length, reach), grid.cells, grid.cells)
+    return lattice(microscope, grid.length, reach)
 
 
 def warn_if_few(
@@ -319,7 +326,7 @@ def _render_together(
         parts = []
         for wavelength, share in microscope.lines():
             one = microscope if microscope.bandwidth <= 0.0 else microscope.at(wavelength)
-            light = light_for(specimen, one, grid, planes, how)
+            light = light_for(specimen, one, grid, planes, how, where)
             parts.append((one, light, share, [light.enough(r) for r in reaches(one, specimen, planes)]))
         key = (grid, *((p[1].steps.tobytes(), *(len(e.weights) for e in p[3])) for p in parts))
         alike.setdefault(key, []).append(n)

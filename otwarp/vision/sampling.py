@@ -112,3 +112,10 @@ def density(side: float, reach: float) -> int:
 def rings_needed(microscope: Microscope, reach: float) -> int:
     """Of rings of source points, for the same error as a lattice of that reach [µm]."""
     return max(1, math.ceil(RINGS * reach * microscope.condenser_aperture / microscope.wavelength - 0.5))
+
+
+def points_needed(microscope: Microscope, side: float, reach: float) -> int:
+    """About how many points of a lattice light a square of a `side` for a `reach` [µm], before any are made."""
+    inner = microscope.condenser_inner if microscope.condenser == "annulus" else 0.0
+    opening = math.pi * (microscope.condenser_aperture**2 - inner**2) * (side / microscope.wavelength) ** 2
+    return max(1, round(opening / density(side, reach)))

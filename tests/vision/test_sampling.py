@@ -17,7 +17,7 @@ from otwarp.vision.image import images
 from otwarp.vision.microscope import Microscope
 from otwarp.vision.propagation import propagate
 from otwarp.vision.rendering import Rendering, expose, grid_for, render
-from otwarp.vision.sampling import margin_needed, reaches
+from otwarp.vision.sampling import margin_needed, points_needed, reaches
 from otwarp.vision.specimen import Specimen
 
 M = Microscope(numerical_aperture=1.2, condenser_aperture=0.5, wavelength=0.6, pixel=0.11)
@@ -148,3 +148,15 @@ def test_solids_beside_the_image_count_where_their_light_reaches_in() -> None:
 def test_a_word_that_is_no_number_is_refused(name: str) -> None:
     with pytest.raises(InputError, match=rf"{name} is 'many'; allowed: auto, or a number"):
         Rendering(**{name: "many"})  # type: ignore[arg-type]
+
+
+def test_planes_too_far_for_the_memory_are_refused_before_anything_is_computed(fourier: Fourier) -> None:
+    """Their number of source points grows with the square of the distance; it is told beforehand, and about right."""
+    bead = Specimen.of_spheres([[0.0, 0.0, 0.0]], 1.0, 1.59)
+    for far in (1e3, 1e4):
+        with pytest.raises(InputError, match=r"light of .* GiB; allowed on .* focal planes nearer to the bodies"):
+            expose(bead, Microscope(), 64, focus=[far], fourier=fourier)
+    for far in (3.0, 15.0):
+        exposed = expose(bead, Microscope(), 32, focus=[far], rendering=Rendering(thickness=1.0), fourier=fourier)
+        reach = float(reaches(Microscope(), bead, [far])[0])
+        assert points_needed(Microscope(), exposed.grid.length, reach) == pytest.approx(exposed.sources, rel=0.4)

@@ -48,7 +48,7 @@ def lights_of_pose(labels: Labels, pose: int) -> list[Illumination]:
     outline = labels.specimen(pose) if labels.outline is None else labels.outline
     grid = grid_for(outline, microscope, spec.width, spec.height, labels.planes, spec.rendering)
     lines = [microscope.at(wavelength) for wavelength, _ in microscope.lines()]
-    return [light_for(outline, one, grid, labels.planes, spec.rendering) for one in lines]
+    return [light_for(outline, one, grid, labels.planes, spec.rendering, Fourier()) for one in lines]
 
 
 def reaches_of(labels: Labels, depths: np.ndarray) -> np.ndarray:
