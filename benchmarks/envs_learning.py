@@ -39,12 +39,17 @@ from otwarp.files import written
 from otwarp.operators.population import load_population
 
 ROOT = Path(__file__).parents[1]
-PAGE, PICTURE = ROOT / "docs" / "benchmarks" / "envs_learning.md", ROOT / "docs" / "images" / "envs_learning.png"
+PAGE = ROOT / "docs" / "benchmarks" / "envs_learning.md"
 OUT = ROOT / "out" / "envs_learning"
 BEGIN, END = "<!-- begin envs_learning {} -->", "<!-- end envs_learning {} -->"
-LEARNT = "otwarp/Navigate-v0"
+LEARNT, CARRIED = "otwarp/Navigate-v0", "otwarp/CellDelivery-v0"
+PICTURES = {
+    LEARNT: ROOT / "docs" / "images" / "envs_learning.png",
+    CARRIED: ROOT / "docs" / "images" / "envs_delivery.png",
+}
 TARGET = 0.985
 """Success of the last 1,000 episodes of a training, with exploration, at which it stops."""
+PARTS = ("ppo", "scripts", "shared", "noise", "delivery")
 SEED = 3_000_000_000
 """Of the first episode of scripts: no policy has trained with it."""
 
@@ -79,6 +84,47 @@ SCRIPTS: dict[str, dict[str, Callable[[], Policy]]] = {
     },
 }
 """Scripts by task."""
+
+
+NOISES = ((0.05, 0.05), (0.1, 0.1), (0.4, 0.4), (0.4, 0.0), (0.0, 0.03), (0.4, 0.008))
+"""Standard deviations that are added to the common velocity of both hands and to their relative one [1]."""
+
+
+class Noisy:
+    """A policy for two hands, with noise that is drawn anew in every period.
+
+    Args:
+        policy: For four numbers.
+        common: Standard deviation of what both hands get of it, along each axis.
+        relative: And of what one hand gets and the other loses.
+        seed: Of the generator.
+    """
+
+    def __init__(self, policy: Policy, common: float, relative: float, seed: int = 0):
+        self.policy, self.common, self.relative = policy, common, relative
+        self.generator = np.random.default_rng(seed)
+
+    def __call__(self, seen: Seen, fresh: np.ndarray) -> np.ndarray:
+        """(N, 4) actions."""
+        both, apart = self.generator.normal(size=(2, len(fresh), 2))
+        both, apart = self.common * both, self.relative * apart
+        return self.policy(seen, fresh) + np.concatenate([both + apart, both - apart], axis=1)
+
+
+def noise_table(episodes: int, device: str) -> str:
+    """The script of the cell delivery with noise on the velocities of its hands."""
+    task = task_of(CARRIED)
+    lines = [
+        f"| noise: common, relative (1 is 30 µm/s) | success in {episodes} episodes, 95 % interval | mean length | "
+        "how the others ended |",
+        "|---|---:|---:|---|",
+    ]
+    for common, relative in NOISES:
+        make = lambda common=common, relative=relative: Noisy(Carrier(), common, relative)  # noqa: E731
+        found = played(task, f"noise {common:g} {relative:g}", make, episodes, device)
+        length = f"{found.periods.mean() / task.rate:.1f} s"
+        lines.append(f"| {common:g}, {relative:g} | {_rate(found)} | {length} | {_others(task, found)} |")
+    return "\n".join(lines)
 
 
 def played(task: Task, said: str, make: Callable[[], Policy], episodes: int, device: str) -> Rollout:
@@ -124,17 +170,19 @@ def _others(task: Task, found: Rollout) -> str:
     return ", ".join(f"{name} {count}" for name, count in counts.most_common()) or "–"
 
 
-def learnt(seed: int, minutes: float, device: str) -> tuple[dict[str, Any], list[dict[str, float]]]:
-    """Result and curve of one training, done now if it has not been."""
-    folder = OUT / f"seed_{seed}"
+def learnt(
+    env: str, seed: int, minutes: float, device: str, **more: Any
+) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Result and curve of one training, done now if it has not been; `more` are options of `train_ppo`."""
+    folder = OUT / (f"seed_{seed}" if env == LEARNT else f"delivery_{seed}")
     if not (folder / "result.json").is_file():
-        asked = {"env": LEARNT, "seed": seed, "minutes": minutes, "target": TARGET, "device": device, "out": folder}
+        asked = {"env": env, "seed": seed, "minutes": minutes, "target": TARGET, "device": device, "out": folder} | more
         train_ppo.main([word for name, value in asked.items() for word in (f"--{name}", str(value))])
     read = [json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in ("result", "curve")]
     return read[0], read[1]
 
 
-def learnt_table(trainings: dict[int, tuple[dict[str, Any], list[dict[str, float]]]]) -> str:
+def learnt_table(trainings: dict[int, tuple[dict[str, Any], list[dict[str, Any]]]]) -> str:
     """What came of each seed, and when its success in training first came to 0.95."""
     lines = [
         "| seed | success without exploration, 95 % interval | episodes | 0.95 in training after | steps | wall time | "
@@ -186,53 +234,82 @@ def shared_table(episodes: int, device: str) -> str:
     return "\n".join(lines)
 
 
-def draw(trainings: dict[int, tuple[dict[str, Any], list[dict[str, float]]]], path: Path) -> None:
-    """Success in training of all seeds over steps, beside what scripts achieve."""
+def draw(env: str, trainings: dict[int, tuple[dict[str, Any], list[dict[str, Any]]]], path: Path) -> None:
+    """Success in training of all seeds over steps; of the cell delivery also what episodes earn."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(6.4, 3.6), layout="constrained")
-    axes = figure.subplots()
-    for seed, (_, curve) in trainings.items():
-        steps = np.array([row["steps"] for row in curve]) / 1000
-        axes.plot(steps, [row["success"] for row in curve], label=f"seed {seed}")
-    axes.axhline(0.95, color="0.5", linewidth=0.8, linestyle="--")
-    axes.annotate("0.95", (0.0, 0.955), xycoords=("axes fraction", "data"), xytext=(3, 0), textcoords="offset points",
-                  color="0.4", fontsize=8)  # fmt: skip
-    axes.set(xlabel="environment steps (thousands)", ylabel="success of the last 1,000 episodes")
-    axes.set_title(f"PPO at {LEARNT}, with exploration", fontsize=10)
-    axes.set_ylim(-0.02, 1.04)
-    axes.set_xlim(left=0.0)
-    axes.grid(alpha=0.3)
-    axes.legend(loc="lower right", fontsize=8)
+    columns = {"success": "success"} | ({"earned": "return"} if env == CARRIED else {})
+    figure = Figure(figsize=(6.4, 3.6) if len(columns) == 1 else (9.0, 3.6), layout="constrained")
+    panels = figure.subplots(1, len(columns), squeeze=False)[0]
+    for axes, (name, said) in zip(panels, columns.items(), strict=True):
+        for seed, (_, curve) in trainings.items():
+            axes.plot([row["steps"] / 1e6 for row in curve], [row[name] for row in curve], label=f"seed {seed}")
+        _mark_scattered(axes, env, next(iter(trainings.values()))[1])
+        axes.set(xlabel="environment steps (millions)", ylabel=f"{said}, mean of the last 1,000 episodes")
+        axes.set_xlim(left=0.0)
+        axes.grid(alpha=0.3)
+    panels[0].axhline(0.95, color="0.5", linewidth=0.8, linestyle="--")
+    panels[0].annotate("0.95", (0.0, 0.955), xycoords=("axes fraction", "data"), xytext=(3, 0),
+                       textcoords="offset points", color="0.4", fontsize=8)  # fmt: skip
+    panels[0].set_ylim(-0.02, 1.04)
+    panels[-1].legend(loc="lower right", fontsize=8)
+    figure.suptitle(f"PPO at {env}, with exploration", fontsize=10)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=150)
+
+
+def _mark_scattered(axes: Any, env: str, curve: list[dict[str, Any]]) -> None:
+    """Shade the steps whose episodes start anywhere."""
+    scattered = train_ppo.RECIPES.get(env, {}).get("scattered", 0)
+    if scattered:
+        end = curve[min(scattered, len(curve)) - 1]["steps"] / 1e6
+        axes.axvspan(0.0, end, color="0.92", zorder=0)
+        axes.annotate("start: anywhere", (0.01, 0.86), xycoords="axes fraction", color="0.35", fontsize=8)
+
+
+def trained(env: str, given: argparse.Namespace) -> str:
+    """What came of the trainings of one environment; their picture is drawn."""
+    carried = env == CARRIED
+    seeds, minutes = (given.delivery_seeds, given.delivery_minutes) if carried else (given.seeds, given.minutes)
+    more = {"envs": given.delivery_envs} if carried and given.delivery_envs else {}
+    trainings = {seed: learnt(env, seed, minutes, given.device, **more) for seed in range(seeds)}
+    picture = PICTURES[env]
+    draw(env, trainings, picture if given.write else OUT / picture.name)
+    machine = Machine.look(pick_device(given.device))
+    measured = f"Commit {commit()}, {machine.name()}, {machine.cores} cores, load {machine.load} at the end."
+    return f"{learnt_table(trainings)}\n\n{measured}"
 
 
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description="What scripts and trained policies achieve at the shipped tasks.")
-    parser.add_argument("--device", default="cpu", help="cpu (default) or cuda:0")
-    parser.add_argument("--episodes", type=positive, default=256, help="of each script; half as many are shared (256)")
-    parser.add_argument("--seeds", type=positive, default=5, help="trainings (default: 5)")
-    parser.add_argument("--minutes", type=float, default=5.0, help="of wall time for each (default: 5)")
-    parser.add_argument("--write", action="store_true", help=f"write docs/benchmarks/{PAGE.name} and its picture")
+    add = parser.add_argument
+    add("--only", choices=PARTS, nargs="+", default=PARTS, help="parts of the page (default: all)")
+    add("--device", default="cpu", help="cpu (default) or cuda:0")
+    add("--episodes", type=positive, default=256, help="of each script; half as many are shared (256)")
+    add("--seeds", type=positive, default=5, help="trainings at Navigate (default: 5)")
+    add("--minutes", type=float, default=5.0, help="of wall time for each (default: 5)")
+    add("--delivery-seeds", type=positive, default=1, help="trainings at CellDelivery (default: 1)")
+    add("--delivery-minutes", type=float, default=50.0, help="of wall time for each (default: 50)")
+    add("--delivery-envs", type=int, default=0, help="environments at once; thousands on a GPU (default: the recipe's)")
+    add("--write", action="store_true", help=f"write docs/benchmarks/{PAGE.name} and its pictures")
     given = parser.parse_args()
-    trainings = {seed: learnt(seed, given.minutes, given.device) for seed in range(given.seeds)}
-    machine = Machine.look(pick_device(given.device))
-    measured = f"Commit {commit()}, {machine.name()}, {machine.cores} cores, load {machine.load} at the end."
-    parts = {
-        "scripts": scripts_table(given.episodes, given.device),
-        "shared": shared_table(max(given.episodes // 2, 1), given.device),
-        "ppo": f"{learnt_table(trainings)}\n\n{measured}",
+    if "shared" in given.only:
+        learnt(LEARNT, 0, given.minutes, given.device)
+    makes: dict[str, Callable[[], str]] = {
+        "ppo": lambda: trained(LEARNT, given),
+        "scripts": lambda: scripts_table(given.episodes, given.device),
+        "shared": lambda: shared_table(max(given.episodes // 2, 1), given.device),
+        "noise": lambda: noise_table(given.episodes, given.device),
+        "delivery": lambda: trained(CARRIED, given),
     }
-    for text in parts.values():
+    page = PAGE.read_text(encoding="utf-8")
+    for name in given.only:
+        text = makes[name]()
         print(text, flush=True)
-    draw(trainings, PICTURE if given.write else OUT / "curves.png")
-    if given.write:
-        page = PAGE.read_text(encoding="utf-8")
-        for name, text in parts.items():
-            page = put_on_page(page, text, BEGIN.format(name), END.format(name))
-        save_page(PAGE, page)
+        page = put_on_page(page, text, BEGIN.format(name), END.format(name))
+        if given.write:
+            save_page(PAGE, page)
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from tests.documents import ROOT, Document
 
 EXAMPLES = ROOT / "examples"
 NAMES = sorted(path.stem for path in EXAMPLES.glob("*.py") if path.stem != "__init__")
-LINES, TRAINING = 40, 250
+LINES, TRAINING = 40, 320
 """An example fits on a screen, without the lines that run it; those that train are one file that one can read."""
 RUN = '\n\nif __name__ == "__main__":\n    main()\n'
 
@@ -125,6 +125,28 @@ def test_train_ppo(tmp_path: Path):
     policy = example.load(tmp_path / "policy.pt")
     seen = np.zeros((3, policy.options["seen"]), dtype=np.float32)
     assert policy.best(example.torch.as_tensor(seen)).shape == (3, 2)
+
+
+def test_train_ppo_by_the_recipe_of_a_task(tmp_path: Path):
+    """A policy for two hands draws what they do together and, much smaller, against each other; it keeps what it has
+    seen on average."""
+    example = import_module("examples.train_ppo")
+    torch, name = example.torch, "otwarp/CellDelivery-v0"
+    asked = ["--env", name, "--envs", "4", "--rollouts", "2", "--steps", "8", "--episodes", "4", "--out", str(tmp_path)]
+    args = example.parse(asked)
+    assert args.envs == 4 and args.pair == example.RECIPES[name]["pair"] and example.parse([]).pair == 0.0
+    example.main(asked)
+    policy = example.load(tmp_path / "policy.pt")
+    drawn = torch.tensor([[0.5, -0.2, 1.0, 2.0], [3.0, 0.0, 0.0, 0.0]])
+    wanted = torch.tensor([[0.52, -0.16, 0.48, -0.24], [1.0, 0.0, 1.0, 0.0]])
+    assert torch.allclose(policy.action(drawn), wanted)
+    assert policy.normalise and policy.count == 2 * 8 * 4
+    parts = torch.randn(3, 5, 2, generator=torch.Generator().manual_seed(0))
+    taught = example.Policy(2, 4, normalise=True)
+    for part in parts:
+        taught.look(part)
+    assert torch.allclose(taught.mean, parts.flatten(0, 1).mean(0), atol=1e-6)
+    assert torch.allclose(taught.variance, parts.flatten(0, 1).var(0, correction=0), atol=1e-6)
 
 
 def test_train_sb3():

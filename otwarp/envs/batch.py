@@ -126,6 +126,7 @@ class Batch:
         start.body_group = device_array(groups["bodies"], wp.int32, self.device)
         start.trap_group = device_array(groups["traps"], wp.int32, self.device)
         start.half = device_array([s.half for s in task.shifts] or [(0, 0, 0)], wp.vec3, self.device)
+        start.middle = device_array([s.middle for s in task.shifts] or [(0, 0, 0)], wp.vec3, self.device)
         goal = task.goal or (self.scene.goal.position if self.scene.goal else (0.0, 0.0, 0.0))
         start.goal, start.goal_half = wp.vec3(*goal), wp.vec3(*task.goal_half)
         start.body = wp.zeros((self.worlds, len(self.scene.bodies)), dtype=wp.vec3, device=self.device)

@@ -27,7 +27,9 @@ def described(task: Task) -> dict[str, Any]:
         "choices": [list(c) for c in task.choices],
         "rewards": [{"name": t.name, "unit": t.unit, "weight": t.weight, "meaning": t.told} for t in task.rewards],
         "ends": [{"name": t.name, "success": t.success, "meaning": t.told} for t in task.ends],
-        "shifts": [{"prims": [*s.bodies, *s.traps], "half": list(s.half)} for s in task.shifts],
+        "shifts": [
+            {"prims": [*s.bodies, *s.traps], "half": list(s.half), "middle": list(s.middle)} for s in task.shifts
+        ],
         "goal_half": list(task.goal_half),
         "randomised": [name if isinstance(name, str) else ", ".join(name) for name in task.randomise],
         "observation": task.observation,

@@ -46,11 +46,13 @@ class Shift:
     Attributes:
         bodies, traps: Prim paths.
         half: Half widths of the box [µm].
+        middle: Of the box, from where the scene has them [µm].
     """
 
     bodies: tuple[str, ...] = ()
     traps: tuple[str, ...] = ()
     half: tuple[float, float, float]
+    middle: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

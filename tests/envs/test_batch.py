@@ -39,6 +39,17 @@ def test_episodes_start_within_their_boxes_and_differ(device):
         assert not np.any(batch.sim.state.position.numpy()[:, 0, 1] - 0.0 == before[:, 1])
 
 
+def test_a_box_of_starts_may_lie_elsewhere(device):
+    places = []
+    for middle in ((0.0, 0.0, 0.0), (3.0, -2.0, 0.5)):
+        shifts = tuple(dataclasses.replace(shift, middle=middle) for shift in TASK.shifts)
+        batch = Batch(dataclasses.replace(TASK, shifts=shifts), 8, device=device)
+        batch.restart(seeds=np.arange(8))
+        places.append((batch.sim.state.position.numpy()[:, 0], batch.sim.control.trap_position.numpy()[:, 0]))
+    for there, elsewhere in zip(*places, strict=True):
+        assert np.allclose(elsewhere - there, [3.0, -2.0, 0.5], atol=1e-5)
+
+
 def test_each_episode_takes_a_row_of_what_is_randomised(device):
     task = dataclasses.replace(
         TASK,

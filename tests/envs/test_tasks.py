@@ -51,6 +51,14 @@ def test_unequal_powers_choose_the_end_that_rises(device):
         task_of("otwarp/Orient-v0", strategy="C")
 
 
+def test_the_cell_delivery_starts_anywhere_if_asked():
+    (shift,) = task_of("otwarp/CellDelivery-v0", start="anywhere").shifts
+    assert shift.half[0] > 60.0 and len(shift.bodies) == 3 and len(shift.traps) == 6
+    assert not task_of("otwarp/CellDelivery-v0").shifts
+    with pytest.raises(InputError, match="start of otwarp/CellDelivery-v0 is 'here'; allowed: scene, anywhere"):
+        task_of("otwarp/CellDelivery-v0", start="here")
+
+
 @pytest.mark.parametrize("name", ["otwarp/Navigate-v0", "otwarp/Push-v0"])
 def test_random_actions_fail(name, device):
     assert play(name, device, RandomPolicy(2)).success.sum() <= 1

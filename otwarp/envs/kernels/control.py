@@ -30,6 +30,7 @@ class StartData:
     body_group: wp.array(dtype=wp.int32)  # (B) group that shifts it, -1 none
     trap_group: wp.array(dtype=wp.int32)  # (T)
     half: wp.array(dtype=wp.vec3)  # (G) half widths of the boxes of shifts [µm]
+    middle: wp.array(dtype=wp.vec3)  # (G) and their middles, from where the scene has what they shift [µm]
     goal: wp.vec3  # [µm]
     goal_half: wp.vec3
     body: wp.array2d(dtype=wp.vec3)  # out: (W, B) where the chosen worlds start [µm]
@@ -72,7 +73,7 @@ def draw(start: StartData, worlds: WorldsData, ended: int, episode: EpisodeData)
         place = start.position[row, b]
         group = start.body_group[b]
         if group >= 0:
-            place = place + box_point(start, number, SHIFT + group, start.half[group])
+            place = place + start.middle[group] + box_point(start, number, SHIFT + group, start.half[group])
         start.body[world, b] = place
         episode.start[world, b] = place
         episode.before[world, b] = place
@@ -95,6 +96,7 @@ def begin(
         place = start.focus[row, t]
         group = start.trap_group[t]
         if group >= 0:
+            place = place + start.middle[group]
             place = place + box_point(start, episode.number[world], SHIFT + group, start.half[group])
         episode.focus[world, t] = place
         control.trap_position[world, t] = place

@@ -5,11 +5,14 @@ What each hand moves are the three traps of its robot, together. The pair starts
 
 from __future__ import annotations
 
+from typing import Literal
+
 from otwarp.envs import scenes
 from otwarp.envs import terms as t
 from otwarp.envs.experts.delivery import Carrier
-from otwarp.envs.task import Hand, Task
+from otwarp.envs.task import Hand, Shift, Task
 from otwarp.envs.tasks import terms as own
+from otwarp.errors import InputError
 
 CELL, LEFT, RIGHT = "/World/cell", "/World/Robots/left", "/World/Robots/right"
 TRAPS = {side: tuple(f"/World/Traps/{side}_{e}" for e in ("handle_left", "hub", "handle_right"))
@@ -20,10 +23,22 @@ OBSTACLES = tuple(
 CUBES = OBSTACLES[2:]
 SPEED_LIMIT = 30.0
 """Of a hand [µm/s]."""
+ANYWHERE = Shift(bodies=(CELL, LEFT, RIGHT), traps=TRAPS["left"] + TRAPS["right"],
+                 half=(65.0, 31.0, 0.0), middle=(57.0, 26.0, 0.0))  # fmt: skip
+"""Starts all over the channel; where an obstacle is, the episode is over after its first period."""
 
 
-def task() -> Task:
-    """The task."""
+def task(start: Literal["scene", "anywhere"] = "scene") -> Task:
+    """The task.
+
+    Args:
+        start: Where the pair starts: as the scene has it, or anywhere in the channel, to learn from what comes later.
+
+    Raises:
+        InputError: Another start.
+    """
+    if start not in ("scene", "anywhere"):
+        raise InputError(f"start of otwarp/CellDelivery-v0 is {start!r}; allowed: scene, anywhere")
     scene = scenes.load("cell_delivery")
     assert scene.goal is not None
     goal = scene.goal
@@ -49,7 +64,8 @@ def task() -> Task:
         ),
         rewards=(
             t.progress(body=CELL, weight=0.1),
-            t.passing(weight=-0.2),
+            # a whole episode of it costs less than losing the cell at once, or that would be what is learnt first
+            t.passing(weight=-0.02),
             t.arrival(body=CELL, radius=goal.tolerance, weight=10.0),
             *(own.crash(body=body, weight=-1.0, name=f"crash_{_short(body)}") for body in (CELL, LEFT, RIGHT)),
             own.slip(distance=goal.lost_distance, weight=-1.0),
@@ -62,6 +78,7 @@ def task() -> Task:
             *(t.collided(body=body, name=f"collided_{_short(body)}") for body in (CELL, LEFT, RIGHT)),
         ),
         speed_limit=SPEED_LIMIT,
+        shifts=(ANYWHERE,) if start == "anywhere" else (),
         time_limit=20.0,
         expert=Carrier,
     )
