@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import json
 import warnings
+import zipfile
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -98,13 +100,25 @@ class Folder:
             raise InputError(f"{self.path}: no chunk is computed yet; allowed: otwarp operators run, then show")
         parts: list[dict[str, np.ndarray]] = []
         for name in names:
-            file = self.path / "chunks" / f"{name}.npz"
-            try:
-                with np.load(file) as chunk:
-                    parts.append({key: chunk[key] for key in chunk.files})
-            except (OSError, ValueError, EOFError) as error:
-                raise InputError(f"{file}: cannot be read ({error}); allowed: the file that was written") from None
+            parts.append(arrays_of(self.path / "chunks" / f"{name}.npz"))
+            if parts[-1].keys() != parts[0].keys():
+                raise InputError(f"{self.path / 'chunks' / name}.npz: holds other arrays than {names[0]}.npz; allowed: "
+                                 "the file that was written")  # fmt: skip
         return {key: np.concatenate([part[key] for part in parts], axis=-1) for key in parts[0]}
+
+
+def arrays_of(file: Path) -> dict[str, np.ndarray]:
+    """The arrays of a file that a study wrote.
+
+    Raises:
+        InputError: It is lost, cut short or damaged.
+    """
+    try:
+        with file.open("rb") as opened, np.load(opened, allow_pickle=False) as found:
+            return {key: found[key] for key in found.files}
+    except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+        why = getattr(error, "strerror", None) or " ".join(str(error).split())
+        raise InputError(f"{file}: cannot be read ({why}); allowed: the file that was written") from None
 
 
 def open_folder(path: Path) -> Folder:

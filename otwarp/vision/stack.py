@@ -112,6 +112,9 @@ def load_stack(file: str | Path) -> np.ndarray:
 
 def _array(path: Path) -> np.ndarray:
     found = np.load(path, allow_pickle=False)
+    if not isinstance(found, np.ndarray):
+        found.close()
+        raise ValueError("it is an archive of several arrays")
     return found[None] if found.ndim == 2 else found
 
 

@@ -85,6 +85,12 @@ def test_a_study_that_was_stopped_goes_on_to_the_same_bits(device, tmp_path):
     for name, row in stopped.read().items():
         np.testing.assert_array_equal(row, whole[name], err_msg=name)
     assert open_folder(tmp_path / "stopped").asked()["population"] == asked.population.sha256
+    file = tmp_path / "whole" / "chunks" / "000001.npz"
+    good = file.read_bytes()
+    for damaged in (good[:-30], good[:200] + bytes(80) + good[280:], b""):
+        file.write_bytes(damaged)
+        with pytest.raises(InputError, match=r"000001\.npz: cannot be read \(.*\); allowed: the file that was written"):
+            open_folder(tmp_path / "whole").read()
 
 
 def test_another_study_is_refused_in_its_folder(tmp_path):

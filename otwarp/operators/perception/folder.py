@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from otwarp.errors import InputError
 from otwarp.files import claimed, written
-from otwarp.operators.folder import Folder, create, run_study
+from otwarp.operators.folder import Folder, arrays_of, create, run_study
 from otwarp.operators.perception.sweep import Sweep
 
 PROBES = "probes.npz"
@@ -62,10 +61,4 @@ def probes_of(folder: Folder) -> dict[str, np.ndarray]:
         InputError: The file cannot be read.
     """
     file = folder.path / PROBES
-    if not file.exists():
-        return {}
-    try:
-        with np.load(file) as found:
-            return {name: found[name] for name in found.files}
-    except (OSError, ValueError, EOFError) as error:
-        raise InputError(f"{file}: cannot be read ({error}); allowed: the file that was written") from None
+    return arrays_of(file) if file.exists() else {}
