@@ -19,7 +19,8 @@ from otwarp.cli.types import OutputPath
     "--out",
     type=OutputPath(),
     metavar="FILE",
-    help="What is proposed to be saved; default: SCENE_edited.usda beside SCENE. The page saves into its folder.",
+    help="What is proposed to be saved; default: SCENE_edited.usda beside SCENE, of a shipped one in this folder. "
+    "The page saves into its folder.",
 )
 @page_options
 def edit(scene: Path, out: Path | None, theme: str, **where: object) -> None:

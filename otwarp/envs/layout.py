@@ -141,8 +141,8 @@ class Layout:
 def _columns(term: Term) -> list[Column]:
     """Columns of a term."""
     if not term.components:
-        return [Column(term.name, term.unit, term.scale, term.meaning)]
-    return [Column(f"{term.name}.{'xyz'[c]}", term.unit, term.scale, term.meaning) for c in term.components]
+        return [Column(term.name, term.unit, term.scale, term.told)]
+    return [Column(f"{term.name}.{'xyz'[c]}", term.unit, term.scale, term.told) for c in term.components]
 
 
 def _trap(task: Task, hand: str, prim: str, traps: list[str]) -> int:

@@ -101,13 +101,16 @@ class Term:
 
     @property
     def told(self) -> str:
-        """Its meaning with the values of its parameters, numbers that is, in place of their names."""
+        """Its meaning with the values of its parameters: numbers in place of their names, prims after it."""
 
         def value(named: re.Match[str]) -> str:
             given = self.values.get(named[1])
             return f"{given:g} {named[2] or ''}".rstrip() if _is_number(given) else named[0]
 
-        return re.sub(r"`(\w+)`(?: \[([^\]]+)\])?", lambda m: value(m), self.meaning)
+        text = re.sub(r"`(\w+)`(?: \[([^\]]+)\])?", lambda m: value(m), self.meaning)
+        prims = {name: v.rsplit("/", 1)[-1] for name, v in self.values.items() if isinstance(v, str)}
+        which = ", ".join(f"{name}: {prim}" for name, prim in prims.items() if prim != name)
+        return f"{text.rstrip('.')} ({which})." if which else text
 
     @property
     def components(self) -> tuple[int, ...]:

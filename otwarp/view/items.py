@@ -15,7 +15,7 @@ from otwarp.view.measure import ray_spheres, ray_triangles
 TRAP_RADIUS = 0.6
 """Radius within which a click is on a trap's focus [µm]."""
 MOST_LISTED = 400
-"""Things that are listed: a list of thousands is none."""
+"""Things that can be taken: a list of thousands is none. Bodies of instancers come last, and are cut off first."""
 
 Vec3 = tuple[float, float, float]
 Name = str | tuple[str, int]
@@ -43,7 +43,7 @@ class Item:
 
 
 def items(scene: Scene) -> list[Item]:
-    """All things of a scene that can be moved or deleted, traps first."""
+    """Things of a scene that can be moved or deleted, `MOST_LISTED` at most, traps first."""
     found = [
         Item("trap", t.prim, _label("trap", t.prim, scene), _vec(t.position.at(0.0)), TRAP_RADIUS, (t.prim,))
         for t in scene.traps
@@ -66,7 +66,7 @@ def items(scene: Scene) -> list[Item]:
         goal = scene.goal
         label = _label("goal", goal.prim, scene)
         found.append(Item("goal", goal.prim, label, goal.position, goal.tolerance, (goal.prim,)))
-    return found[:MOST_LISTED]
+    return sorted(found, key=lambda item: isinstance(item.name, tuple))[:MOST_LISTED]
 
 
 def picked(scene: Scene, things: Sequence[Item], origin: np.ndarray, direction: np.ndarray) -> Item | None:

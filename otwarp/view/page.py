@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import html
 import queue
 import threading
 import time
@@ -19,7 +20,7 @@ from otwarp.teleop.page.scene_view import SceneView
 from otwarp.teleop.page.screenshot import send_screenshot
 from otwarp.view.controls import Controls
 from otwarp.view.curves import charts
-from otwarp.view.playback import Playback
+from otwarp.view.playback import Playback, index_at
 from otwarp.view.plots import Plots
 from otwarp.view.scale_bars import ScaleBars
 from otwarp.view.sight import legend, preset
@@ -125,10 +126,7 @@ class ViewPage:
         self.playback.tick(time.monotonic())
         if not self._sources:
             return
-        indices = tuple(
-            int(np.searchsorted(s.time, self.playback.time + 1e-9, side="right")) - 1 for s in self._sources
-        )
-        indices = tuple(max(i, 0) for i in indices)
+        indices = tuple(index_at(source.time, self.playback.time) for source in self._sources)
         self.controls.update()
         if indices == self._shown:
             return
@@ -164,7 +162,7 @@ class ViewPage:
     @property
     def playback_index(self) -> int:
         """Moment of the first recording that is shown."""
-        return max(int(np.searchsorted(self._sources[0].time, self.playback.time + 1e-9, side="right")) - 1, 0)
+        return index_at(self._sources[0].time, self.playback.time)
 
     def screenshot(self, client: Any) -> None:
         """Download what a window shows."""
@@ -191,11 +189,7 @@ class ViewPage:
 
     def about(self) -> str:
         """What is shown and how it was computed, as HTML."""
-        return "".join(
-            (f"<div style='padding:4px 12px 0;font-weight:600'>{source.title}</div>" if len(self._sources) > 1 else "")
-            + table(source.about)
-            for source in self._sources
-        )
+        return about_html(self._sources)
 
     def tell(self, line: str, colour: Any = "orange") -> None:
         """Show a line in all windows for a while."""
@@ -225,6 +219,16 @@ class ViewPage:
             self._failures += 1
             if self._failures <= MOST_FAILURES:
                 traceback.print_exc()
+
+
+def about_html(sources: Sequence[Source]) -> str:
+    """What recordings are and how they were computed, each under its title where there are several."""
+    tables = [table([(name, html.escape(said)) for name, said in source.about]) for source in sources]
+    if len(tables) == 1:
+        return tables[0]
+    style = "padding:4px 12px 0;font-weight:600"
+    titles = [f'<div style="{style}">{html.escape(source.title)}</div>' for source in sources]
+    return "".join(title + rows for title, rows in zip(titles, tables, strict=True))
 
 
 def ghost(drawing: Drawing, first: Drawing) -> Drawing:

@@ -8,6 +8,12 @@ SPEEDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 50.0)
 """Simulated seconds per second that a user may choose."""
 
 
+def index_at(times: np.ndarray, time: float) -> int:
+    """Number of the latest moment that is not after a time [s]; the first one before all."""
+    # a time that was asked for may miss a moment by a rounding error, and would show the one before
+    return max(int(np.searchsorted(times, time + 1e-9, side="right")) - 1, 0)
+
+
 class Playback:
     """A clock over the times of a recording.
 
@@ -36,12 +42,11 @@ class Playback:
     @property
     def index(self) -> int:
         """Number of the latest moment that is not after the time shown."""
-        # a time that was asked for may miss a moment by a rounding error, and would show the one before
         return self.at(self.time)
 
     def at(self, time: float) -> int:
         """Number of the latest moment that is not after a time [s]."""
-        return max(int(np.searchsorted(self._times, time + 1e-9, side="right")) - 1, 0)
+        return index_at(self._times, time)
 
     def toggle(self) -> None:
         """Play, or stand still; from the end on it begins anew."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from pathlib import Path
 
 import numpy as np
@@ -47,7 +46,7 @@ class SessionSource:
             ("the whole session", "yes" if frames.complete else "no: cut short"),
             ("otwarp", str(said.get("otwarp"))),
         )
-        self.about = tuple((name, html.escape(value)) for name, value in rows)  # values are shown as HTML
+        self.about = rows
 
     def frame(self, index: int) -> PageFrame:
         """See `Source`; moving obstacles stand where simulated time has them."""

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from otwarp import shipped
 from otwarp.errors import InputError
+from otwarp.files import check_place
 from otwarp.scene.write.edit import StageEditor
 from otwarp.studies.rerun import stored_study
 from otwarp.studies.store import open_store
@@ -113,17 +115,19 @@ def edit_scene(
     Args:
         scene: A USD file.
         options: Where the page is served.
-        out: File that is proposed to be saved; None for one beside the scene.
+        out: File that is proposed to be saved; None for one beside the scene, of a shipped one in this folder.
         theme: `dark` or `light`.
         say: Gets the line with the page's address.
         stopped: Asked ten times a second.
 
     Raises:
-        InputError: The scene cannot be loaded, or not be edited.
+        InputError: The scene cannot be loaded, or not be edited, or nothing can be written where it is to be saved.
     """
+    folder = Path() if scene.parent == shipped.folder("scenes") else scene.parent
+    proposed = out if out is not None else folder / f"{scene.stem}_edited.usda"
+    check_place(proposed, "what is to be saved")
     editor = StageEditor(scene)
     try:
-        proposed = out if out is not None else scene.with_name(f"{scene.stem}_edited.usda")
         clicks = (("click", "take a thing"), ("arrows of its handle", "move it"), *DRAGS)
         with served(options, f"otwarp · edit {scene.stem}", EDIT_KEYS, say, clicks) as server:
             EditPage(server, editor, proposed, THEMES[theme]).run(stopped)

@@ -106,11 +106,12 @@ class StudyMap:
         rows = [self._row(row, values.reshape(-1), (low, high), chosen) for row in numbers[::-1]]
         x = self._named(self.dims[-1]) if self.dims else ""
         y = self._named(self.dims[-2]) if len(self.dims) > 1 else ""
-        ends = self.axes[self.dims[-1]] if self.dims else ("", "")
+        ticks = self.axes[self.dims[-1]] if self.dims else ("", "")
+        first, last = html.escape(ticks[0]), html.escape(ticks[-1])
         return (
             f'<div style="padding:4px 12px;font-size:12.5px"><div>↑ {y}</div>{"".join(rows)}'
-            f'<div style="display:flex;justify-content:space-between"><span>{ends[0]}</span><span>→ {x}</span>'
-            f"<span>{ends[-1]}</span></div>{_scale(low, high)}</div>"
+            f'<div style="display:flex;justify-content:space-between"><span>{first}</span><span>→ {x}</span>'
+            f"<span>{last}</span></div>{_scale(low, high)}</div>"
         )
 
     def _named(self, dim: str) -> str:
@@ -125,7 +126,7 @@ class StudyMap:
             number = int(place[-2])
             if number % -(-self.shape[-2] // MOST_TICKS):
                 tick = ""
-            label = f'<span style="width:42px;text-align:right;padding-right:5px">{tick}</span>'
+            label = f'<span style="width:42px;text-align:right;padding-right:5px">{html.escape(tick)}</span>'
         return f'<div style="display:flex;align-items:center;height:{self._high + 1}px;gap:1px">{label}{cells}</div>'
 
     def _cell(self, point: int, value: float, ends: tuple[float, float], chosen: int) -> str:

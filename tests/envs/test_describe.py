@@ -27,7 +27,9 @@ def test_what_is_described_is_what_there_is(capsys):
     shown = json.loads(capsys.readouterr().out)
     assert [row["name"] for row in shown["rewards"]] == [t.name for t in task_of("otwarp/Navigate-v0").rewards]
     ends = {row["name"]: row["meaning"] for row in shown["ends"]}
-    assert ends["reached"] == "A body is within 3 µm of the goal."
+    assert ends["reached"] == "A body is within 3 µm of the goal (body: robot)."
+    seen = {row["name"]: row["meaning"] for row in shown["observations"]}
+    assert seen["pillar_2.x"].endswith(" of an obstacle's surface (body: robot, obstacle: pillar_2).")
     assert main(["envs", "list"]) == 0
     assert all(name in capsys.readouterr().out for name in list(TASKS)[:1])
     assert main(["envs", "describe", "otwarp/Fly-v0"]) == 2

@@ -8,7 +8,7 @@ import pytest
 from otwarp.errors import InputError
 from otwarp.scene import Body, Scene, SceneBuilder, Sphere
 from otwarp.scene.write.edit import StageEditor
-from otwarp.view.items import items, picked
+from otwarp.view.items import MOST_LISTED, items, picked
 from otwarp.view.new_items import KINDS, new_item
 from tests.view.runs import SCENE
 
@@ -28,6 +28,12 @@ def test_every_thing_of_a_scene_can_be_taken_and_a_robot_comes_with_its_traps():
         item for item in items(Scene.load(SCENES / "microfluidic_channel.usda")) if isinstance(item.name, tuple)
     ]
     assert len(instances) == 200 and instances[17].name[1] == 17
+
+
+def test_of_many_things_cells_are_left_out_and_nothing_else():
+    scene = Scene.load(SCENES / "ten_thousand_cells.usda")
+    found = items(scene)
+    assert len(found) == MOST_LISTED and {o.prim for o in scene.obstacles} <= {item.name for item in found}
 
 
 def test_a_ray_takes_what_it_meets_first():

@@ -31,7 +31,7 @@ def test_a_session_has_its_moments(tmp_path: Path):
     load = next(chart for chart in charts(found) if chart.key == "load")
     assert np.nanmax(load.values) == pytest.approx(PEAK)
     assert dict(found.about)["devices"] == "none"
-    assert dict(found.about)["time shown"] == "that of the session&#x27;s clock"
+    assert dict(found.about)["time shown"] == "that of the session's clock"
 
 
 def test_a_session_has_one_world(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
