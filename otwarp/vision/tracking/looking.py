@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -149,11 +150,12 @@ def save_table(file: Path, seen: Sequence[Sighting]) -> Path:
         InputError: The file cannot be written.
     """
     rows = [s.row() for s in seen]
+    # readers of tables need a head where nothing was found as well
+    nothing = Sighting(found=Found(*(0,) * len(dataclasses.fields(Found))), estimate=None, pixel=0.0, middle=(0, 0))
     with written(file, f"--out {file}") as part, part.open("w", newline="", encoding="utf-8") as opened:
-        if rows:
-            table = csv.DictWriter(opened, rows[0])
-            table.writeheader()
-            table.writerows({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
+        table = csv.DictWriter(opened, rows[0] if rows else nothing.row())
+        table.writeheader()
+        table.writerows({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
     return file
 
 

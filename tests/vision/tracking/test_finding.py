@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -12,6 +15,7 @@ from otwarp.vision.rendering import Rendering, render
 from otwarp.vision.sensor import Sensor
 from otwarp.vision.specimen import Specimen
 from otwarp.vision.tracking.finding import crop, find
+from otwarp.vision.tracking.looking import save_table
 
 PIXEL = 0.1
 SIZE = 256
@@ -70,7 +74,24 @@ def test_pieces_hold_what_was_found() -> None:
 
 
 @pytest.mark.quick
-def test_an_empty_frame_holds_nothing() -> None:
+@pytest.mark.parametrize("size", [(1, 1), (5, 4), (8, 11), (40, 40)])
+def test_pieces_at_every_place_are_those_of_a_frame_that_goes_on_as_background(size: tuple[int, int]) -> None:
+    """Pieces within it, which are cut without a look at its background, and those that touch or cross an edge."""
+    image = np.random.default_rng(2).integers(0, 256, (12, 17), dtype=np.uint8)
+    whole = np.pad(image, 50, constant_values=np.median(image).astype(np.uint8))
+    wide, high = size
+    for column, row in itertools.product(range(17), range(12)):
+        piece, at = crop(image, column, row, wide, high)
+        left, low = 50 + column - wide // 2, 50 + row - high // 2
+        assert at == (column, row) and np.array_equal(piece, whole[low : low + high, left : left + wide])
+        piece[...] = 0  # it is the caller's own
+    assert image.max() > 200
+
+
+@pytest.mark.quick
+def test_an_empty_frame_holds_nothing(tmp_path: Path) -> None:
+    table = save_table(tmp_path / "found.csv", []).read_text(encoding="utf-8")
+    assert table.startswith("column,row,left,low,right,high") and table.count("\n") == 1
     for seed in range(20):
         assert find(Sensor().levels(np.ones((128, 128)), seed=seed)) == []
     assert find(np.full((32, 32), 100.0)) == []
