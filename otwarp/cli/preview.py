@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 from otwarp.cli.options import device_option, out_option
-from otwarp.cli.types import SCENE_OR_RUN, Number, OutputPath
+from otwarp.cli.types import MOVIE, SCENE_OR_RUN, Number, OutputPath
 from otwarp.errors import InputError
 
 
@@ -49,7 +49,7 @@ def _progress_bar() -> Iterator[Callable[[int, int], None] | None]:
 )
 @click.option(
     "--movie",
-    type=OutputPath(),
+    type=OutputPath(endings=MOVIE),
     metavar="FILE",
     # measured with single_bead, cell_delivery and teleop_small at 640x360
     help="Write a movie of the whole run, .gif, .mp4 or .webm: at most 150 pictures, of 0.3 to 1.4 s each on two CPU "

@@ -50,6 +50,9 @@ class ShippedPath(click.ParamType):
 USD = (".usda", ".usdc", ".usd")
 """What names of USD files that are written end with."""
 
+MOVIE = (".gif", ".mp4", ".webm")
+"""What names of movies that are written end with."""
+
 SCENE = ShippedPath("scenes")
 STUDY = ShippedPath("studies")
 DATASET = ShippedPath("vision")

@@ -48,6 +48,7 @@ def write_actions(task: Task, given: Any, out: Any) -> None:
         if np.any(bad):
             at = tuple(int(i) for i in np.argwhere(bad)[0])
             raise InputError(f"action {at} is {values[at]}; allowed: finite numbers, of which those within ±1 count")
+        values = values.clip(-1.0, 1.0)  # as the device does; float32 holds no 1e300
     if out.device.is_cpu:
         out.numpy()[...] = values
     else:

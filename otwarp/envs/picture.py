@@ -8,6 +8,7 @@ import numpy as np
 
 from otwarp.envs.batch import Batch
 from otwarp.errors import InputError
+from otwarp.preview.annotate import annotate
 from otwarp.preview.render import render
 from otwarp.preview.studio import PictureStyle
 from otwarp.scene.drawing.draw_list import SPHERE, Drawables
@@ -51,9 +52,22 @@ class Picture:
         if scene.goal:
             self._still[scene.goal.prim] = _inverse(_matrix(np.array(scene.goal.position)))
 
-    def draw(self, world: int) -> np.ndarray:
-        """(height, width, 3) uint8 of a world as it is."""
-        return render(self._drawables(world), self.look, str(self.batch.device))
+    def draw(self, world: int, *, annotated: bool = False) -> np.ndarray:
+        """(height, width, 3) uint8 of a world as it is.
+
+        Args:
+            world: Which.
+            annotated: With scale bar and time of the episode.
+        """
+        image = render(self._drawables(world), self.look, str(self.batch.device))
+        if not annotated:
+            return image
+        pixel_size = self._view.pixel_size(self.look.width, self.look.height)
+        return annotate(image, pixel_size=pixel_size, time=self._time(world))
+
+    def _time(self, world: int) -> float:
+        """Since the episode of a world began [s]."""
+        return float(self.batch.episode.period.numpy()[world]) / self.batch.task.rate
 
     def _now(self, world: int) -> dict[str, np.ndarray]:
         """(4, 4) pose of everything that may have moved, by prim."""
@@ -62,7 +76,7 @@ class Picture:
         found = {b.prim: _matrix(p, q) for b, p, q in zip(scene.bodies, position, orientation, strict=True)}
         focus = batch.episode.focus.numpy()[world]
         found |= {t.prim: _matrix(p) for t, p in zip(scene.traps, focus, strict=True)}
-        time = float(batch.episode.period.numpy()[world]) / batch.task.rate
+        time = self._time(world)
         found |= {o.prim: _matrix(o.position.at(time), _unit(o.orientation.at(time))) for o in scene.obstacles}
         if scene.goal:
             found[scene.goal.prim] = _matrix(batch.episode.goal.numpy()[world])

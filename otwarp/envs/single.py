@@ -105,7 +105,8 @@ class Env(gymnasium.Env):
             given = np.asarray(action)
         except (TypeError, ValueError):
             given = np.array(None)
-        check(given.dtype.kind in "fiu", str(given.dtype), given.shape, self.action_space.shape or (), "numbers")
+        kinds, named = ("iu", "whole numbers") if self.task.choices else ("f", "floating-point numbers")
+        check(given.dtype.kind in kinds, str(given.dtype), given.shape, self.action_space.shape or (), named)
         write_actions(self.task, given[None], batch.actions)
         batch.step()
         info = {name: value[0] for name, value in information(batch, self._read).items()}

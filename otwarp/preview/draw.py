@@ -15,10 +15,10 @@ import numpy as np
 from otwarp.errors import InputError, PlausibilityWarning
 from otwarp.files import check_place
 from otwarp.preview.annotate import annotate
-from otwarp.preview.image import save_movie, save_png
+from otwarp.preview.image import save_png
 from otwarp.preview.render import render
 from otwarp.preview.studio import PictureStyle
-from otwarp.preview.video import CODECS, check_video, save_video
+from otwarp.preview.video import CODECS, check_video, write_movie
 from otwarp.record.folder import SUMMARY, warn_early
 from otwarp.scene.appearance.missing import with_missing_looks
 from otwarp.scene.drawing.drawables import has_purpose, read_drawables
@@ -187,7 +187,6 @@ def preview(
         raise InputError(f"{film.name}: a movie of {least} frames, allowed [2, inf)")
     written = [] if out is None else [save_png(picture(film.time_code(frame, time)), out)]
     if movie is not None:
-        save = save_video if Path(movie).suffix in CODECS else save_movie
-        save(_frames(movie_codes(film, fps, most_frames), picture, progress), movie, fps)
+        write_movie(_frames(movie_codes(film, fps, most_frames), picture, progress), movie, fps)
         written.append(Path(movie))
     return written

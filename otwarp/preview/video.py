@@ -1,4 +1,4 @@
-"""Movies as MP4 and WebM, through ffmpeg as it comes with imageio-ffmpeg (the extra `movie`)."""
+"""Movies: as GIF, or as MP4 and WebM through ffmpeg as it comes with imageio-ffmpeg (the extra `movie`)."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.files import written
+from otwarp.preview.image import save_movie
 
 CODECS = {
     # H.264 at a quality where one sees no difference, with its index in front so that browsers begin at once
@@ -30,6 +31,11 @@ COLOURS = [
     "bt709",
 ]
 """Says in the file how its colours are meant; players guess otherwise, by the height of the picture."""
+
+
+def write_movie(frames: Iterable[np.ndarray], path: str | Path, fps: float) -> int:
+    """Write frames as GIF, MP4 or WebM, by the ending; see `save_movie` and `save_video`."""
+    return (save_video if Path(path).suffix in CODECS else save_movie)(frames, path, fps)
 
 
 def check_video(path: Path) -> None:

@@ -74,3 +74,15 @@ def test_options_of_a_task_are_given_by_name(capsys):
 def test_a_policy_plays_an_episode(capsys):
     assert main(["envs", "play", "otwarp/Navigate-v0", "--policy", "still"]) == 0
     assert "seed 0: failure" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("ending", ["gif", "mp4"])
+def test_an_episode_is_filmed(ending: str, tmp_path: Path, capsys):
+    if ending == "mp4":
+        pytest.importorskip("imageio_ffmpeg")
+    file = tmp_path / f"episode.{ending}"
+    short = ["--option", "time_limit=0.2", "--policy", "still"]
+    assert main(["envs", "play", "otwarp/Push-v0", *short, "--movie", str(file)]) == 0
+    assert f"wrote {file} (3 pictures)" in capsys.readouterr().out and file.stat().st_size > 1000
+    assert main(["envs", "play", "otwarp/Push-v0", *short, "--movie", str(file.with_suffix(".avi"))]) == 2
+    assert "suffix = .avi; allowed: .gif, .mp4, .webm" in capsys.readouterr().err

@@ -62,12 +62,16 @@ def test_bad_actions_are_refused_and_change_nothing(device):
     env.reset(seed=1)
     for bad, said in (
         (np.array([np.nan, 0.0], dtype=np.float32), "action (0, 0) is nan; allowed: finite"),
-        (np.zeros(3, dtype=np.float32), "of shape (3,); allowed: numbers of shape (2,)"),
-        (np.zeros(2, dtype=int), "allowed: floating-point numbers"),
-        ("left", "allowed: numbers of shape (2,)"),
+        (np.zeros(3, dtype=np.float32), "of shape (3,); allowed: floating-point numbers of shape (2,)"),
+        (np.zeros(2, dtype=int), "int64 of shape (2,); allowed: floating-point numbers of shape (2,)"),
+        ("left", "allowed: floating-point numbers of shape (2,)"),
     ):
         refused(lambda bad=bad: env.step(bad), said)
         refused(lambda bad=bad: many.step(np.stack([bad, bad]) if isinstance(bad, np.ndarray) else bad), "allowed: ")
+    huge = env.step(np.array([1e300, -1e300]))[0]
+    env.reset(seed=1)
+    assert np.array_equal(huge, env.step(np.array([1.0, -1.0]))[0])
+    env.reset(seed=1)
     assert np.array_equal(env.step(good)[0], wanted) and np.array_equal(many.step(pair)[0][0], wanted)
     while not (ended := env.step(good))[3]:
         assert not ended[2]

@@ -9,9 +9,8 @@ import click
 
 from otwarp.cli.envs.options import task_options
 from otwarp.cli.options.live import live_options, open_session, read_session, run_session
-from otwarp.cli.types import OutputPath
+from otwarp.cli.types import MOVIE, OutputPath
 from otwarp.errors import InputError
-from otwarp.files import check_place
 
 PICTURES = 150
 """Most pictures of a movie."""
@@ -20,8 +19,8 @@ PICTURES = 150
 @click.command()
 @click.argument("name")
 @click.option("--policy", type=click.Choice(["random", "expert", "still"]), help="Let this policy act, without a page.")
-@click.option("--movie", type=OutputPath(endings=(".gif",)), metavar="GIF",
-              help="With --policy: draw its first episode into a movie.")  # fmt: skip
+@click.option("--movie", type=OutputPath(endings=MOVIE), metavar="FILE",
+              help="With --policy: draw its first episode into a movie, .gif, .mp4 or .webm.")  # fmt: skip
 @task_options
 @live_options(page=True, browser=True)
 def play(name: str, policy: str | None, movie: Path | None, option: tuple[str, ...], **options: Any) -> int:
@@ -50,8 +49,10 @@ def _watch(task: Any, policy: str, movie: Path | None, seed: int) -> None:
     from otwarp.cli.progress import parts
     from otwarp.envs.picture import Picture
     from otwarp.envs.rollout import policy_of, run_policy
-    from otwarp.preview.image import save_movie
+    from otwarp.preview.video import check_video, write_movie
 
+    if movie is not None:
+        check_video(movie)
     most = round(task.time_limit * task.rate)
     every = max(1, round(task.rate / 10.0), -(-most // PICTURES))
     frames: list[Any] = []
@@ -60,7 +61,6 @@ def _watch(task: Any, policy: str, movie: Path | None, seed: int) -> None:
     if movie is None:
         found = run_policy(task, acting, episodes=1, seed=seed, device="cpu")
     else:
-        check_place(movie, "movie")
         with parts("picture", "pictures, at most") as progress:
 
             def keep(batch: Any) -> None:
@@ -68,7 +68,7 @@ def _watch(task: Any, policy: str, movie: Path | None, seed: int) -> None:
                 if not drawn:
                     drawn.append(Picture(batch))
                 if int(batch.episode.period.numpy()[0]) % every == 0:
-                    frames.append(drawn[0].draw(0))
+                    frames.append(drawn[0].draw(0, annotated=True))
                     progress(len(frames), most // every + 1)
 
             found = run_policy(task, acting, episodes=1, seed=seed, device="cpu", watch=keep)
@@ -80,5 +80,5 @@ def _watch(task: Any, policy: str, movie: Path | None, seed: int) -> None:
         f"{task.name}, {policy}, seed {seed}: {word} ({why}) after {seconds:.2f} s, return {found.earned[0]:.3f}"
     )
     if movie is not None:
-        count = save_movie(frames, movie, task.rate / every)
+        count = write_movie(frames, movie, task.rate / every)
         click.echo(f"wrote {movie} ({count} pictures)")
