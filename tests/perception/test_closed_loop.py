@@ -190,6 +190,14 @@ def test_what_is_lost_twice_in_a_row_comes_back(lab):
         assert "decaying" in states and states[-1] == "armed"
 
 
+def test_a_stamp_that_is_wrong_from_the_start_is_said(lab):
+    """The hand is let go before anything is known, and then says why nothing is."""
+    one = lab(wrap=lambda camera: Broken(camera, lambda n, frame: replace(frame, time=frame.time + 1.0)))
+    one.run(20)
+    first, news = one.stage.news
+    assert "not seen yet" in first and "s ahead of the clock" in news
+
+
 def test_frames_out_of_order_are_put_in_at_their_time(lab):
     """Neighbours are swapped: each odd frame comes after the one that was taken after it."""
     held = []

@@ -31,6 +31,11 @@ In water (0.89 mPa·s) the drag 6πηav on a sphere of radius 1 µm is 0.5 pN at
 robot less than five times that, shared by the traps that hold it. Traps of 10 pN/µm let go at a few pN."""
 
 
+def cause_of(message: str) -> str:
+    """A message without its numbers, which may change many times a second."""
+    return re.sub(r"[\d.]+", "", message)
+
+
 class Hands:
     """The hands of a session.
 
@@ -144,7 +149,7 @@ class Hands:
         for n, hand in enumerate(self.frames):
             if hand.message != self._reported[n]:
                 self._reported[n] = hand.message
-                cause = re.sub(r"[\d.]+", "", hand.message) if self._blind[n] else ""
+                cause = cause_of(hand.message) if self._blind[n] else ""
                 if hand.message and not (cause and cause == self._causes[n]):
                     lines.append(f"{hand.name} hand: {hand.message}")
                 self._causes[n] = cause or self._causes[n]
@@ -193,10 +198,10 @@ class Hands:
                 # one that was ordered to be armed, and is not yet, is to come back as well
                 self._resume[n] = self._armed[n] or self._resume[n] or self._ordered[n]
                 self._armed[n] = self._ordered[n] = False
-                self._notes[n] = f"feels nothing until it is seen again: {why}"
                 self._servo.disarm(n)
-            elif self._blind[n] and not why:
-                self._notes[n] = ""
+            note = f"feels nothing until it is seen again: {why}" if why else ""
+            if cause_of(note) != cause_of(self._notes[n]) and (why or self._blind[n]):
+                self._notes[n] = note
             self._blind[n] = bool(why)
 
     def set_gains(self, hand: str, motion_gain: float | None, force_gain: float | None) -> None:
