@@ -1,5 +1,5 @@
 % A recorded run in Octave (`pkg load netcdf`, Debian's octave-netcdf) or MATLAB: path of the first body, and its trap's pull.
-%   octave --eval "file = 'out/single_bead/run.nc'; run docs/recipes/read_run.m"
+%   octave --eval "file = 'out/single_bead/run.nc'; source docs/recipes/read_run.m"
 if exist('OCTAVE_VERSION', 'builtin')
   pkg load netcdf
 end

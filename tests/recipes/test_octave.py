@@ -75,8 +75,11 @@ def test_every_number_and_unit_is_that_of_the_file(run: Path):
             np.testing.assert_array_equal(np.array(numbers.split(), dtype=float), wanted.ravel().astype(float))
 
 
-def test_the_recipe_runs(run: Path):
-    said = octave(f"file = '{run}'; run('{RECIPE}')")
+def test_the_recipe_runs_as_the_page_says(run: Path, monkeypatch: pytest.MonkeyPatch):
+    page = (RECIPE.parents[1] / "elsewhere.md").read_text(encoding="utf-8")
+    (line,) = re.findall(r'^octave --eval "(.+)"$', page, re.MULTILINE)
+    monkeypatch.chdir(run.parent)
+    said = octave(line.replace("out/cell_delivery/run.nc", run.name).replace("docs/recipes/read_run.m", str(RECIPE)))
     with netCDF4.Dataset(run) as data:
         along = np.std(data["position"][:, 0, 0, 0].data.astype(float), ddof=1)
         pull = data["trap_force"][:, 0, 0, 2].data.mean(dtype=float)
