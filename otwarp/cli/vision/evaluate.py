@@ -34,9 +34,12 @@ def evaluate(
 
     Of the data set that it was trained on, the test part of its split; of others, all images.
     """
+    from otwarp.files import check_place
     from otwarp.vision.networks.evaluate import evaluate as evaluated
     from otwarp.vision.networks.report import write_report
 
+    folder = report or (run.parent if run.is_file() else run) / "report"
+    check_place(folder, "--report", folder=True)
     stop.begin()
 
     def say(name: str) -> None:
@@ -45,7 +48,7 @@ def evaluate(
 
     estimator, found = evaluated(run, datasets, poses=poses, baselines=not no_baselines, device=device,
                                  any_robot=any_robot, report=say)  # fmt: skip
-    page = write_report(report or run / "report", estimator, found)
+    page = write_report(folder, estimator, found)
     for one in found:
         rmse = ", ".join(f"{name} {value:.3g}{'°' if name in ('tilt', 'yaw') else ' µm'}"
                          for name, value in one.scores.get("rmse", {}).items())  # fmt: skip

@@ -17,6 +17,6 @@ def export(run: Path, onnx: Path | None) -> None:
     """Write the network of the training RUN as ONNX: images of its data set in, what its heads say out."""
     from otwarp.vision.networks.onnx_file import export as exported
 
-    file = onnx or run / "robot.onnx"
+    file = onnx or (run.parent if run.is_file() else run) / "robot.onnx"
     names = exported(run, file)
     click.echo(f"wrote {file}: images in; {', '.join(names)} out")

@@ -235,3 +235,9 @@ def test_the_command_says_what_it_reached(smoke: Path, tmp_path: Path, capfd: py
     assert "small from random weights, epoch 1, 35 test images" in out and "epoch 1 of 1: loss" in error
     assert main(["vision", "evaluate", str(tmp_path / "out"), str(smoke), "--poses", "1", "--device", "cpu"]) == 0
     assert (tmp_path / "out" / "report" / "report.md").is_file()
+    # a file of the training stands for it; what cannot be written is refused before anything is looked at
+    network = str(tmp_path / "out" / "network.pt")
+    assert main(["vision", "export", network]) == 0 and (tmp_path / "out" / "robot.onnx").is_file()
+    capfd.readouterr()
+    assert main(["vision", "evaluate", network, str(smoke), "--report", "/proc/x", "--device", "cpu"]) == 2
+    assert "smoke" not in capfd.readouterr().err
