@@ -280,6 +280,22 @@ def trained(env: str, given: argparse.Namespace) -> str:
     return f"{learnt_table(trainings)}\n\n{measured}"
 
 
+def beside(episodes: int, device: str) -> str:
+    """The policy of seed 0 beside the script of the cell delivery, in the same new episodes."""
+    task = task_of(CARRIED)
+    lines = [
+        f"| policy | success in {episodes} episodes, 95 % interval | s to success | how the others ended |",
+        "|---|---:|---:|---|",
+    ]
+    for said, make in (
+        ("both hands on the path, 19 µm/s", Carrier),
+        ("trained, seed 0", lambda: Trained(OUT / "delivery_0" / "policy.pt", task)),
+    ):
+        found = played(task, f"{CARRIED} {said}", make, episodes, device)
+        lines.append(f"| {said} | {_rate(found)} | {_time(task, found)} | {_others(task, found)} |")
+    return "\n".join(lines)
+
+
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description="What scripts and trained policies achieve at the shipped tasks.")
@@ -301,7 +317,7 @@ def main() -> None:
         "scripts": lambda: scripts_table(given.episodes, given.device),
         "shared": lambda: shared_table(max(given.episodes // 2, 1), given.device),
         "noise": lambda: noise_table(given.episodes, given.device),
-        "delivery": lambda: trained(CARRIED, given),
+        "delivery": lambda: f"{trained(CARRIED, given)}\n\n{beside(given.episodes, given.device)}",
     }
     page = PAGE.read_text(encoding="utf-8")
     for name in given.only:
