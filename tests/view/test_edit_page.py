@@ -32,6 +32,30 @@ def fill(window: Any, label: str, value: str) -> None:
     field.press("Enter")
 
 
+def drag(window: Any, start: tuple[float, float]) -> None:
+    """Drag to the right from a pixel, no faster than the page follows."""
+    window.mouse.move(*start)
+    window.wait_for_timeout(1000)
+    window.mouse.down()
+    for k in range(1, 6):
+        window.mouse.move(start[0] + 8.0 * k, start[1])
+        window.wait_for_timeout(250)
+    window.mouse.up()
+
+
+def save_once(window: Any, out: Path) -> bytes:
+    """Save; a second time, and elsewhere, is refused. What was written."""
+    window.get_by_role("button", name="Save").click()
+    window.get_by_text("saved as").first.wait_for(timeout=PATIENCE)
+    saved = out.read_bytes()
+    window.get_by_role("button", name="Save").click()
+    window.get_by_text("must be a new file, or one that may be replaced").wait_for(timeout=PATIENCE)
+    fill(window, "File", "../elsewhere.usda")
+    window.get_by_role("button", name="Save").click()
+    window.get_by_text("must be a plain name").wait_for(timeout=PATIENCE)
+    return saved
+
+
 def test_a_scene_is_drawn_and_saved(tmp_path: Path):
     before, out = Scene.load(SCENE), tmp_path / "drawn.usda"
     text = SCENE.read_bytes()
@@ -61,14 +85,7 @@ def test_a_scene_is_drawn_and_saved(tmp_path: Path):
             note(f"{kind}_1: drag its handle")
             window.get_by_role("button", name=f"Undo ({n + 1})").wait_for(timeout=PATIENCE)
         size = float(np.linalg.norm(np.subtract(camera.position, camera.look_at)))
-        start = pixel(camera, (0.7 * HANDLE * size, 0.0, HEIGHT), box)  # on the red arrow of the obstacle's handle
-        window.mouse.move(*start)
-        window.wait_for_timeout(1000)
-        window.mouse.down()
-        for k in range(1, 6):
-            window.mouse.move(start[0] + 8.0 * k, start[1])
-            window.wait_for_timeout(250)
-        window.mouse.up()
+        drag(window, pixel(camera, (0.7 * HANDLE * size, 0.0, HEIGHT), box))  # the red arrow of the obstacle's handle
         window.get_by_role("button", name="Undo (4)").wait_for(timeout=PATIENCE)
 
         click((16.0, 0.0, HEIGHT))
@@ -90,14 +107,7 @@ def test_a_scene_is_drawn_and_saved(tmp_path: Path):
         window.screenshot(path=ARTIFACTS / "edit.png")
         assert violations(window) == []
 
-        window.get_by_role("button", name="Save").click()
-        window.get_by_text("saved as").first.wait_for(timeout=PATIENCE)
-        saved = out.read_bytes()
-        window.get_by_role("button", name="Save").click()
-        window.get_by_text("must be a new file, or one that may be replaced").wait_for(timeout=PATIENCE)
-        fill(window, "File", "../elsewhere.usda")
-        window.get_by_role("button", name="Save").click()
-        window.get_by_text("must be a plain name").wait_for(timeout=PATIENCE)
+        saved = save_once(window, out)
         assert errors == []
     assert out.read_bytes() == saved and SCENE.read_bytes() == text
     assert [p.name for p in tmp_path.iterdir()] == ["drawn.usda"]
