@@ -187,7 +187,7 @@ class EditControls:
             self._list.value = label
         self._place.disabled = item is None
         if item is not None:
-            x, y, z = (round(v, 4) for v in item.place)
+            x, y, z = (round(v, 4) + 0.0 for v in item.place)  # a field would show "-0"
             self._place.value = (x, y, z)
             traps = len(item.with_it) - 1
             also = f", with {traps} trap{'s' if traps > 1 else ''}" if traps else ""
