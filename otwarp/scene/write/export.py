@@ -21,6 +21,8 @@ def export_layer(layer: Sdf.Layer, path: Path) -> Path:
     """
     if path.suffix not in (".usda", ".usdc", ".usd"):
         raise InputError(f"{path}: suffix = {path.suffix or '(none)'}: must be one of .usda, .usdc, .usd")
+    if not path.parent.is_dir():  # USD would make it
+        raise InputError(f"{path}: cannot be written: {path.parent} is no folder; must be in a writable folder")
     with written(path, str(path)) as part:
         try:
             if not layer.Export(str(part)):
