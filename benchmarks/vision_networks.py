@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.peers import torch_training
 from benchmarks.report import Section, command
+from benchmarks.vision_training import NETS, training_speed
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import NOTHING, Table
 from otwarp.device import pick_device
@@ -25,11 +25,10 @@ from otwarp.vision.datasets.shots import pose_intensities
 from otwarp.vision.fourier import Fourier
 from otwarp.vision.networks.baselines import BASELINES, Shown
 from otwarp.vision.networks.bound import bound, fisher_information, labels_from, views
-from otwarp.vision.networks.data import samples
 from otwarp.vision.networks.evaluate import evaluate
 from otwarp.vision.networks.metrics import scores_of
 from otwarp.vision.networks.onnx_file import export
-from otwarp.vision.networks.run import Estimator, TorchEstimator, network_file
+from otwarp.vision.networks.run import Estimator
 from otwarp.vision.networks.settings import Settings
 from otwarp.vision.networks.train import train
 from otwarp.vision.networks.use import load
@@ -38,7 +37,6 @@ SPECS = Path(__file__).resolve().parent.parent / "vision"
 SPLITS = ("random", "focus_blocks")
 ELECTRONS = (300.0, 1000.0, 10000.0, 100000.0)
 SHARES = (0.25, 0.5, 1.0)
-BATCHES = (32, 128)
 
 SMALL: dict[str, dict[str, Any]] = {
     "small": {"net": "small", "epochs": 20, "batch": 8, "lr": 3e-3},
@@ -66,9 +64,10 @@ def measure(
     full: bool = False,
     folder: Path | None = None,
     devices: Sequence[str] = (),
+    speed: bool = False,
     runs: Mapping[str, Any] | None = None,
 ) -> Section:
-    """All tables.
+    """All tables, or that of the speed of training.
 
     Args:
         device: cpu or cuda:0.
@@ -78,8 +77,12 @@ def measure(
             minutes of writing weights.
         devices: On which trainings run at the same time, one for each time that a device is named; none for one after
             the other on `device`.
+        speed: Only how fast networks train, which takes a few minutes and depends on neither `full` nor `folder`.
         runs: Trainings by name, with settings; None for those of this script.
     """
+    nets = tuple(dict.fromkeys(how["net"] for how in runs.values())) if runs else NETS
+    if speed:
+        return speed_alone(device, rounds, nets)
     with tempfile.TemporaryDirectory() as apart:
         work = folder or Path(apart)
         work.mkdir(parents=True, exist_ok=True)
@@ -99,15 +102,31 @@ def measure(
             images_needed(place, work, best, runs[best], device, data),
             ablation(place, work, runs, device, data),
         ]
-        if not pick_device(device).is_cpu:
-            tables.append(training_speed(place, work, device, data))
+        tables.append(training_speed(place, device, rounds, data, nets=nets))
         there = {name: work / f"{name}_random_0" for name in runs} | of_128_pixels(place, work, device)
         tables.append(run_times(work, there, device, data))
-    kind = "cpu" if pick_device(device).is_cpu else "cuda"
-    asked = " ".join(
-        word for word in ("--full" if full else "", f"--rounds {rounds}" if rounds > 1 else "",
-                          f"--devices {' '.join(devices)}" if devices else "") if word
-    )  # fmt: skip
+    return section(device, tables, data, "--full" if full else "", of_rounds(rounds),
+                   f"--devices {' '.join(devices)}" if devices else "")  # fmt: skip
+
+
+def speed_alone(device: str, rounds: int, nets: Sequence[str]) -> Section:
+    """The table of the speed of training, of whose images only the number counts."""
+    data: dict[str, Any] = {}
+    with tempfile.TemporaryDirectory() as apart:
+        place = Path(apart) / "data"
+        make_dataset(labels_of(load_spec(SPECS / "smoke.toml")), place, processes=1, device=device)
+        table = training_speed(place, device, rounds, data, nets=nets)
+    return section(device, [table], data, "--speed", of_rounds(rounds))
+
+
+def of_rounds(rounds: int) -> str:
+    """As typed; nothing for the usual one."""
+    return f"--rounds {rounds}" if rounds > 1 else ""
+
+
+def section(device: str, tables: list[Table], data: dict[str, Any], *words: str) -> Section:
+    """Tables with the options that were typed."""
+    kind, asked = "cpu" if pick_device(device).is_cpu else "cuda", " ".join(word for word in words if word)
     machine = Machine.look(pick_device(device))
     return Section(name="vision_networks", kind=kind, machine=machine, tables=tables, data=data, asked=asked)
 
@@ -312,26 +331,6 @@ def ablation(place: Path, work: Path, runs: Mapping[str, Any], device: str, data
     return Table(title="What comparing every depth with every label costs", head=head, rows=rows, note=note)
 
 
-def training_speed(place: Path, work: Path, device: str, data: dict[str, Any]) -> Table:
-    """Images a second of the shipped training and of a bare loop of torch, on the same images at the same batch."""
-    import torch
-
-    found, rows = open_dataset(place), []
-    part = found.split("random")["train"]
-    for net in ("vgg16", "resnet18", "resnet50"):
-        for batch in BATCHES:
-            how = Settings(net=net, heads="paper", schedule="step", epochs=3, batch=batch, augment=False)
-            folder = work / f"speed_{net}_{batch}"
-            ours = train(place, folder, how, device=device)["images_per_second"]
-            network = TorchEstimator(network_file(folder), device)
-            shown = samples(found, part, np.zeros((len(part), 0)), max(found.shape), torch.device(device))
-            bare = torch_training.images_per_second(network.network, shown.images, shown.tilt_class, batch=batch)
-            rows.append((net, str(batch), f"{ours:.0f}", f"{bare:.0f}", f"{ours / bare:.2f}"))
-            data[f"training {net} {batch}"] = {"shipped": ours, "bare": bare}
-    head = ("network", "batch", "shipped training", "bare loop", "shipped / bare")
-    return Table(title="Training [images/s]", head=head, rows=rows, note="Paper's heads, bf16, channels last.")
-
-
 def of_128_pixels(place: Path, work: Path, device: str) -> dict[str, Path]:
     """Networks that look at 128 × 128 pixels, for which run times are claimed; two steps of training will do."""
     found = {}
@@ -384,4 +383,5 @@ if __name__ == "__main__":
             "default": (),
             "help": "trainings at the same time: cuda:0 cuda:0 cuda:1 cuda:1 for four",
         },
+        speed={"action": "store_true", "help": "only how fast networks train, beside a bare loop: minutes"},
     )
