@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 @click.command()
 @out_option("DIR", "Folder of the report, new or one to go on with: report.html, figures, numbers.")
 @click.option("--quick", is_flag=True, help="Minutes on two cores: fewer trials, a reduced network table.")
-@click.option("--only", multiple=True, metavar="NAME", help="This item of --list alone; several times for several.")
-@click.option("--list", "as_list", is_flag=True, help="Print the items, and do nothing.")
+@click.option("--only", multiple=True, metavar="NAME",
+              help="This item of --list, by name, not by the paper's number; several times for several.")  # fmt: skip
+@click.option("--list", "as_list", is_flag=True, help="Print the items and what each shows, and do nothing.")
 @click.option("--scenes", type=FILE, default="scenes", show_default=True, help="Folder of the shipped scenes.")
 @click.option("--docs", type=OutputPath(), metavar="FILE",
               help="Write the report that is in DIR as a page of Markdown, and compute nothing.")  # fmt: skip

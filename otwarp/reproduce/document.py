@@ -60,7 +60,7 @@ def markdown(store: Store, done: Sequence[Done]) -> str:
         "otwarp reproduce --out out/paper             # every table and figure; goes on where it was interrupted",
         "otwarp reproduce --out out/quick --quick     # in minutes on two cores",
         "otwarp reproduce --out out/quick --quick --only rendering --only strategy_a",
-        "otwarp reproduce --list                      # the items",
+        "otwarp reproduce --list                      # the items, by whose names --only goes, and what they show",
         "```",
         "",
         f"Every table and figure of {PAPER}, ours beside theirs. The command writes `report.html` (one file, figures "

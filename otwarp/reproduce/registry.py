@@ -98,11 +98,19 @@ def chosen(names: Sequence[str]) -> list[Item]:
     """Items by name, each once, in the report's order; all of them for none.
 
     Raises:
-        InputError: An unknown name.
+        InputError: An unknown name; for a figure's or table's number the message says what each item shows.
     """
     for name in names:
         if name not in ITEMS:
-            near = difflib.get_close_matches(name, ITEMS, n=1, cutoff=0.4)
-            hint = f"; did you mean {near[0]}?" if near else ""
-            raise InputError(f"--only is {name}; allowed: {', '.join(ITEMS)}{hint}")
+            raise InputError(f"--only is {name}; allowed{_offered(name)}")
     return [item for name, item in ITEMS.items() if not names or name in names]
+
+
+def _offered(name: str) -> str:
+    """The items, for somebody who asked for another one."""
+    if any(letter.isdigit() for letter in name):
+        # numbers are not taken: the facts of the paper that this package was written from hold none
+        shown = ", ".join(f"{known} ({item.title})" for known, item in ITEMS.items())
+        return f", by name and not by the paper's numbers: {shown}"
+    near = difflib.get_close_matches(name, ITEMS, n=1, cutoff=0.4)
+    return f": {', '.join(ITEMS)}" + (f"; did you mean {near[0]}?" if near else "")

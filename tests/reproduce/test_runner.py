@@ -112,6 +112,9 @@ def one_line(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
 def test_bad_input_is_one_line(report: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     out = ["--out", str(tmp_path / "new"), "--device", "cpu"]
     assert "did you mean strategy_a?" in one_line([*out, "--only", "stratgy_a"], capsys)
+    said = one_line([*out, "--only", "fig6"], capsys)
+    assert "--only is fig6" in said and not (tmp_path / "new").exists()
+    assert all(f"{name} ({item.title})" in said for name, item in ITEMS.items())
     assert "--out is missing" in one_line([], capsys)
     assert "/proc/paper, which cannot be written" in one_line(["--out", "/proc/paper"], capsys)
     assert "cuda:7" in one_line(["--out", str(tmp_path / "new"), "--device", "cuda:7"], capsys)
