@@ -85,6 +85,9 @@ def check_place(path: Path, what: str, *, folder: bool = False) -> None:
             if probe.write(bytes(ENOUGH)) < ENOUGH:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         if folder:
+            for left in there.glob(".otwarp-????????"):
+                with suppress(OSError):
+                    left.rmdir()  # of a process that was killed here; only what is empty goes
             with tempfile.TemporaryDirectory(prefix=".otwarp-", dir=there):
                 pass
     except (OSError, ValueError) as error:

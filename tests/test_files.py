@@ -49,6 +49,7 @@ def test_a_place_for_an_output_is_tried(tmp_path: Path, monkeypatch: pytest.Monk
         with pytest.raises(InputError, match=r"^--out is .*, which cannot be written \(.*\); allowed: a") as error:
             check_place(bad, "--out", folder=folder)
         assert str(bad) in str(error.value) and "\n" not in str(error.value)
+    (tmp_path / ".otwarp-a1b2c3d4").mkdir()  # of a process that was killed while it tried the place
     monkeypatch.chdir(tmp_path)
     for good, folder in ((Path("file"), False), (Path("new"), False), (Path("deep/new"), True), (Path(), True)):
         check_place(good, "--out", folder=folder)

@@ -65,6 +65,7 @@ def make_dataset(
         raise InputError(f"--processes is {processes}; allowed: 1 or more, on a GPU 1")
     store, say = prepare(labels, Path(folder)), progress or (lambda done, poses: None)
     if store.checksums() is not None:
+        _tidy(store)  # the last process may have been killed between the checksums and this
         say(labels.poses, labels.poses)
         return store.folder
     check_place(store.folder, "the folder of the data set", folder=True)
@@ -75,7 +76,7 @@ def make_dataset(
         for n, _ in enumerate(_rendered(labels, store, todo, processes, str(place)), start=len(done) + 1):
             say(n, labels.poses)
         _complete(labels, store)
-    (store.folder / "driver.lock").unlink(missing_ok=True)
+    _tidy(store)
     return store.folder
 
 
@@ -166,7 +167,13 @@ def _complete(labels: Labels, store: Store) -> None:
     save_samples(labels, store)
     write_card(labels, store)
     store.finish()
+
+
+def _tidy(store: Store) -> None:
+    """Remove what only the making of a data set needs."""
     shutil.rmtree(store.folder / "done", ignore_errors=True)
+    with contextlib.suppress(OSError):  # whoever finds a data set whole need not be allowed to write there
+        (store.folder / "driver.lock").unlink()
 
 
 def _versions() -> dict[str, str]:

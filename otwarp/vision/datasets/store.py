@@ -115,6 +115,8 @@ class Store:
 
     def finish(self) -> None:
         """Write the checksums of everything, those of images as they were when they were written."""
+        for part in self.data.rglob("*.partial"):  # zarr's, of a process that was killed while it wrote a chunk
+            part.unlink(missing_ok=True)
         sums = {}
         for pose in self.finished():
             sums |= json.loads((self.folder / "done" / f"{pose:06d}").read_text(encoding="utf-8"))

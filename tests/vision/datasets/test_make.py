@@ -100,11 +100,24 @@ def test_several_processes_and_interruptions_change_no_bit(small: Path, tmp_path
         make_dataset(labels, tmp_path / "again", device="cpu", progress=stop)
     with pytest.raises(InputError, match="is not finished, 2 of 5 poses"):
         open_dataset(tmp_path / "again")
+    of_killed = tmp_path / "again" / "data.zarr" / "images" / "c" / "4" / "0" / "0.5f2c.partial"
+    of_killed.parent.mkdir(parents=True)
+    of_killed.write_bytes(b"half a chunk, as zarr leaves it")
     make_dataset(labels, tmp_path / "again", device="cpu", processes=2)
     again = open_dataset(tmp_path / "again")
+    assert not of_killed.exists()
     assert np.array_equal(again.images(slice(None)), whole)
     sums = [json.loads((folder / "checksums.json").read_text()) for folder in (small, tmp_path / "again")]
     assert sums[0] == sums[1]
+
+
+def test_what_is_left_of_the_making_goes_with_the_next_call(small: Path, tmp_path: Path) -> None:
+    """A process may be killed right after it has written the checksums."""
+    there = shutil.copytree(small, tmp_path / "there")
+    (there / "done").mkdir()
+    (there / "driver.lock").touch()
+    make_dataset(small.parent / "small.toml", there, device="cpu")
+    assert sorted(p.name for p in there.iterdir()) == sorted(p.name for p in small.iterdir())
 
 
 def test_a_killed_command_goes_on(small: Path, tmp_path: Path) -> None:
