@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from otwarp.envs.kernels.judge import NumberData, Reading, judge_kernels
 from otwarp.envs.task import Task
 from otwarp.envs.terms import Term
 from otwarp.errors import InputError
+from otwarp.kernels.drivers.episodes import WorldFunction
 from otwarp.scene import Scene
 from otwarp.simulation.packing.arrays import device_array
 
@@ -109,11 +110,15 @@ class Layout:
         return found
 
     def kernels(self) -> tuple[wp.Kernel, wp.Kernel]:
-        """What judges and observes."""
-        readings = tuple(Reading(t.function, t.components) for t in self.task.observations)
-        return judge_kernels(
-            readings, tuple(t.function for t in self.task.rewards), tuple(t.function for t in self.task.ends)
-        )
+        """What judges periods and starts worlds anew, compiled for the bodies, traps and obstacles of the terms."""
+
+        def aimed(terms: tuple[Term, ...]) -> tuple[WorldFunction, ...]:
+            return tuple(replace(t.function, whole=t.whole(self.scene)) for t in terms)
+
+        task = self.task
+        seen = zip(aimed(task.observations), task.observations, strict=True)
+        readings = tuple(Reading(function, t.components) for function, t in seen)
+        return judge_kernels(readings, aimed(task.rewards), aimed(task.ends))
 
     def numbers(self, device: wp.Device) -> Any:
         """`NumberData`: parameters, scales and weights."""

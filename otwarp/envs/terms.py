@@ -99,6 +99,11 @@ class Term:
             numbers += [float(p) for p in parts]
         return numbers
 
+    def whole(self, scene: Scene) -> tuple[int, ...]:
+        """Its whole-numbered parameters, as `row` has them."""
+        kinds = [kind for kind in self.function.kinds for _ in range(3 if kind is wp.vec3 else 1)]
+        return tuple(int(v) for v, kind in zip(self.row(scene), kinds, strict=True) if kind is int)
+
     @property
     def told(self) -> str:
         """Its meaning with the values of its parameters: numbers in place of their names, prims after it."""

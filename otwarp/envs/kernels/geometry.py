@@ -4,7 +4,9 @@ import warp as wp
 
 from otwarp.envs.kernels.types import TaskNow
 from otwarp.kernels.contact.obstacles import FAR, SHAPES, distance_term, moving_pose
+from otwarp.kernels.core.packed import point_of
 from otwarp.kernels.core.types import ObstacleData, Pose, world_row
+from otwarp.kernels.drivers.lane_groups import from_start
 
 shape_distance = distance_term(tuple(SHAPES))
 
@@ -25,12 +27,21 @@ def body_turn(now: TaskNow, body: int) -> wp.quat:
 
 
 @wp.func
+def as_turned(now: TaskNow, body: int, way: wp.vec3) -> wp.vec3:
+    """A vector of a body's own frame as the body lies; itself where nothing turns."""
+    turned = way
+    if now.state.orientation.shape[1] > 0:
+        turned = wp.quat_rotate(now.state.orientation[now.world, body], way)
+    return turned
+
+
+@wp.func
 def held_place(now: TaskNow, trap: int) -> wp.vec3:
     """Centre of the sphere that a trap holds [µm]; the trap's equilibrium if it holds none."""
     body = now.place.held_body[trap]
     place = now.episode.focus[now.world, trap] + now.place.equilibrium[trap]
     if body >= 0:
-        place = body_place(now, body) + wp.quat_rotate(body_turn(now, body), now.place.held_offset[trap])
+        place = body_place(now, body) + as_turned(now, body, now.place.held_offset[trap])
     return place
 
 
@@ -45,9 +56,15 @@ def tabulate_poses(obstacles: ObstacleData, period: wp.float64, position: wp.arr
 
 
 @wp.func
+def pose_row(now: TaskNow, period: int) -> int:
+    """Row of the table of poses so many periods of control after the start of the episode."""
+    return from_start(wp.clamp(period, 0, now.place.obstacle_position.shape[0] - 1))
+
+
+@wp.func
 def obstacle_pose(now: TaskNow, obstacle: int, period: int) -> Pose:
     """Pose of an obstacle [µm] so many periods of control after the start of the episode."""
-    row = wp.clamp(period, 0, now.place.obstacle_position.shape[0] - 1)
+    row = pose_row(now, period)
     return Pose(now.place.obstacle_position[row, obstacle], now.place.obstacle_rotation[row, obstacle])
 
 
@@ -64,11 +81,10 @@ def surface_of(now: TaskNow, obstacle: int, point: wp.vec3) -> wp.vec4:
 @wp.func
 def gap_between(now: TaskNow, body: int, obstacle: int) -> float:
     """Least distance between the spheres of a body and the surface of an obstacle [µm], negative where they overlap."""
-    turn, place = body_turn(now, body), body_place(now, body)
     least = float(FAR)
     for s in range(now.place.sphere_start[body], now.place.sphere_start[body + 1]):
         sphere = now.place.sphere[s]
-        point = place + wp.quat_rotate(turn, wp.vec3(sphere[0], sphere[1], sphere[2]))
+        point = body_place(now, body) + as_turned(now, body, point_of(sphere))
         least = wp.min(least, surface_of(now, obstacle, point)[3] - sphere[3])
     return least
 
@@ -77,20 +93,22 @@ def gap_between(now: TaskNow, body: int, obstacle: int) -> float:
 def gap_of(now: TaskNow, body: int) -> float:
     """The same to the nearest of all obstacles [µm], found once for all terms of a period."""
     least = now.episode.gap[now.world, body]
-    if wp.isnan(least):
+    # not a number until it is found; `wp.isnan` is a call on a CPU, which costs what is in registers
+    if least != least:
         least = float(FAR)
-        turn, place = body_turn(now, body), body_place(now, body)
+        row = pose_row(now, now.period)
         for s in range(now.place.sphere_start[body], now.place.sphere_start[body + 1]):
             sphere = now.place.sphere[s]
-            point = place + wp.quat_rotate(turn, wp.vec3(sphere[0], sphere[1], sphere[2]))
-            for obstacle in range(now.place.obstacles.shape.shape[0]):
-                pose = obstacle_pose(now, obstacle, now.period)
-                way = point - pose.position
+            point = body_place(now, body) + as_turned(now, body, point_of(sphere))
+            for o in range(now.place.obstacles.shape.shape[0]):
+                obstacle = from_start(o)
+                way = point - now.place.obstacle_position[row, obstacle]
                 # what is farther away than the nearest so far is not looked at
-                if wp.length(way) - now.place.obstacles.bound[obstacle] - sphere[3] < least:
-                    local = wp.quat_rotate_inv(pose.rotation, way)
-                    found = shape_distance(now.place.obstacles, obstacle, local, FAR)
-                    least = wp.min(least, found[3] - sphere[3])
+                near = least + now.place.obstacles.bound[obstacle] + sphere[3]
+                if near > 0.0 and wp.length_sq(way) < near * near:
+                    local = wp.quat_rotate_inv(now.place.obstacle_rotation[row, obstacle], way)
+                    clear = shape_distance(now.place.obstacles, obstacle, local, FAR)[3] - sphere[3]
+                    least = wp.where(clear < least, clear, least)
         now.episode.gap[now.world, body] = least
     return least
 

@@ -24,10 +24,12 @@ class WorldFunction:
     Attributes:
         function: `(now: WorldNow, *parameters) -> bool`, or of a number `-> float`, as written.
         kinds: Types of its parameters: `float`, `int` or `wp.vec3`.
+        whole: Values of the whole ones where kernels are compiled for them, () where they are read as the rest is.
     """
 
     function: Callable[..., Any]
     kinds: tuple[type, ...]
+    whole: tuple[int, ...] = ()
 
     @property
     def width(self) -> int:
@@ -37,9 +39,12 @@ class WorldFunction:
 
 def parameters_from(function: WorldFunction, first: int) -> str:
     """The arguments after `now` of a call: what its row of numbers holds from column `first` on."""
-    text, column = "", first
+    text, column, whole = "", first, iter(function.whole)
     for kind in function.kinds:
-        if kind is wp.vec3:
+        if kind is int and function.whole:
+            text += f", {next(whole)}"
+            column += 1
+        elif kind is wp.vec3:
             text += f", vec3(values[row, {column}], values[row, {column + 1}], values[row, {column + 2}])"
             column += 3
         else:
