@@ -32,7 +32,7 @@ TOGETHER = {
         "safety",
         "velocity",
     ],
-    "envs/test_batch.py": ["control", "rows"],
+    "envs/test_batch.py": ["control", "rows", "starts"],
     "envs/test_terms.py": ["geometry", "judge", "terms"],
     "operators/test_hand.py": ["account", "ahead", "arm", "seen"],
 }

@@ -9,21 +9,24 @@ import numpy as np
 import warp as wp
 
 from otwarp.device import pick_device
-from otwarp.envs.kernels import control as kernels
-from otwarp.envs.kernels.control import StartData
+from otwarp.envs.kernels.control import take
 from otwarp.envs.kernels.judge import VerdictData
+from otwarp.envs.kernels.starts import NEXT_EPISODE, StartData
 from otwarp.envs.layout import Layout
 from otwarp.envs.places import episode_data, limited_scene, place_data, stepped_scene
-from otwarp.envs.rows import RowCopies
+from otwarp.envs.rows import row_data
 from otwarp.envs.task import Task
 from otwarp.envs.variants import Variants
 from otwarp.errors import InputError
+from otwarp.kernels.core.types import StateData
 from otwarp.simulation.model import Model
 from otwarp.simulation.packing.arguments import whole
 from otwarp.simulation.packing.arrays import device_array
 from otwarp.simulation.simulation import Simulation
 
 Autoreset = Literal["next", "same", "off"]
+WORLDS_EACH = 64
+"""Worlds of a thread on a CPU, where each thread reads all arguments of its kernel anew: some hundred numbers."""
 SEED = 0
 """Key of all random streams: what differs between environments and episodes is the number of the trial."""
 
@@ -72,13 +75,12 @@ class Batch:
         model = self.sim.model
         self.episode = episode_data(self.layout, model)
         self.place, self._meshes = place_data(self.layout, model)
-        self._rows = RowCopies(table, model, variants.count, self.episode)
         self._take_traps()
         self._start = self._starts(variants, table)
         self._hands, self._numbers = self.layout.hands(self.device), self.layout.numbers(self.device)
         self.actions = wp.zeros((worlds, len(self.layout.acted)), dtype=wp.float32, device=self.device)
         self.verdict = self._verdict()
-        self._judge, self._observe = self.layout.kernels()
+        self._judge, self._start_worlds = self.layout.kernels()
         self._load()
         self._turn = self.sim.capture(self.steps, before=self._before, after=self._after)
 
@@ -129,9 +131,18 @@ class Batch:
         start.middle = device_array([s.middle for s in task.shifts] or [(0, 0, 0)], wp.vec3, self.device)
         goal = task.goal or (self.scene.goal.position if self.scene.goal else (0.0, 0.0, 0.0))
         start.goal, start.goal_half = wp.vec3(*goal), wp.vec3(*task.goal_half)
-        start.body = wp.zeros((self.worlds, len(self.scene.bodies)), dtype=wp.vec3, device=self.device)
-        start.turned = wp.zeros((self.worlds, start.orientation.shape[1]), dtype=wp.quat, device=self.device)
+        start.rows, self._rows = row_data(table, model, variants.count)
+        start.state = self._state(start.orientation.shape[1])
         return start
+
+    def _state(self, turning: int) -> Any:
+        """`StateData` of worlds that start anew: poses of their own, the rest as the scene has it."""
+        origin, shape = self.sim.episodes.origin.state, (self.worlds, len(self.scene.bodies))
+        state = StateData()
+        state.position = wp.zeros(shape, dtype=wp.vec3, device=self.device)
+        state.orientation = wp.zeros((self.worlds, turning), dtype=wp.quat, device=self.device)
+        state.trap_position, state.image = origin.trap_position, wp.zeros_like(origin.image)
+        return state
 
     def _verdict(self) -> Any:
         """`VerdictData`, all zero."""
@@ -144,25 +155,29 @@ class Batch:
 
     def _load(self) -> None:
         """Compile and load what the graph captures."""
-        for kernel in (kernels.take, self._judge, self._observe, *self._rows.kernels):
+        for kernel in (take, self._judge, self._start_worlds):
             wp.load_module(kernel.module, device=self.device)
 
     def _launch(self, kernel: Any, *inputs: object) -> None:
-        wp.launch(kernel, dim=self.worlds, inputs=inputs, device=self.device)
+        each = WORLDS_EACH if self.device.is_cpu else 1
+        wp.launch(kernel, dim=math.ceil(self.worlds / each), inputs=[*inputs, each], device=self.device)
 
     @property
     def _worlds(self) -> Any:
         """`WorldsData` of the model."""
         return self.sim.model.episode_data[0]
 
+    def _views(self) -> tuple[Any, ...]:
+        """Commands, state, readout, place and the worlds, as kernels see them."""
+        sim = self.sim
+        return sim.control.data(), sim.state.data(), sim.last_readout.data(), self.place, self._worlds
+
     def _begin(self, *, hold: bool = False, ended: bool = False) -> None:
-        """Start the flagged worlds anew, which with `ended` are those whose episodes are over."""
-        sim, episode, start = self.sim, self.episode, self._start
-        self._launch(kernels.draw, start, self._worlds, int(ended), episode)
-        self._rows.launch()
-        turned = start.turned if sim.model.features.rigid else None
-        sim.reset(episode.flags, position=start.body, orientation=turned, number=episode.number)
-        self._launch(kernels.begin, start, sim.control.data(), sim.state.data(), self._worlds, int(hold), episode)
+        """Start the flagged worlds anew, or those whose episodes are over; with `hold` they wait a period."""
+        model, seen = self.sim.model.data, self.verdict.seen
+        how = self._numbers, int(ended), int(hold), self.episode
+        self._launch(self._start_worlds, self._start, model, *self._views(), *how, seen)
+        self.sim.note_starts()
 
     def _before(self) -> None:
         """What comes before the steps of a period: worlds start anew, and actions are taken in."""
@@ -170,19 +185,14 @@ class Batch:
         if self.autoreset == "next":
             self._begin(hold=True, ended=True)
         control, state, step = sim.control.data(), sim.state.data(), wp.float64(sim.time_step)
-        self._launch(kernels.take, self.actions, self._hands, self.place, step, self._worlds, control, state, episode)
+        self._launch(take, self.actions, self._hands, self.place, step, self._worlds, control, state, episode)
 
     def _after(self) -> None:
         """What comes after a period: its verdict, and in the mode `same` worlds that start anew."""
-        sim, episode, out = self.sim, self.episode, self.verdict
         same = self.autoreset == "same"
-        control, state, readout = sim.control.data(), sim.state.data(), sim.last_readout.data()
-        self._launch(
-            self._judge, control, state, readout, self.place, self._worlds, self._numbers, int(same), episode, out
-        )
+        self._launch(self._judge, *self._views(), self._numbers, int(same), self.episode, self.verdict)
         if same:
             self._begin(ended=True)
-            self._launch(self._observe, state, readout, self.place, self._numbers, episode, out.seen)
 
     def restart(self, chosen: np.ndarray | None = None, seeds: np.ndarray | None = None) -> None:
         """Start worlds anew, at once.
@@ -196,16 +206,11 @@ class Batch:
         if seeds is not None:
             number = episode.number.numpy().copy()
             fresh = (flags != 0) & (seeds >= 0)
-            first = (seeds.astype(np.int64) - int(kernels.NEXT_EPISODE)) % 2**32
+            first = (seeds.astype(np.int64) - int(NEXT_EPISODE)) % 2**32
             number[fresh] = first[fresh].astype(np.uint32)
             episode.number.assign(number)
         episode.flags.assign(flags)
         self._begin()
-        sim = self.sim
-        self._launch(
-            self._observe, sim.state.data(), sim.last_readout.data(), self.place, self._numbers, episode,
-            self.verdict.seen,
-        )  # fmt: skip
 
     def step(self) -> None:
         """One period of control by `actions`; on a GPU without waiting for it."""

@@ -1,4 +1,4 @@
-"""Rows of a table of variants, copied into the worlds that start anew."""
+"""What worlds that start anew take from the rows of a table of variants."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from typing import Any
 
 import warp as wp
 
-from otwarp.envs.kernels.rows import copy_rows
+from otwarp.device import empty
+from otwarp.envs.kernels.rows import RowData
 from otwarp.laws.trap_law import FIELDS
 from otwarp.simulation.model import Model
 
@@ -17,40 +18,36 @@ PER_WORLD = (
 """Arrays of the model that may have a row for every world."""
 
 
-class RowCopies:
-    """What of a model differs between variants, and is copied for the flagged worlds from a table.
+def row_data(table: Model, worlds: Model, variants: int) -> tuple[wp.array, list[Any]]:
+    """What of a model differs between variants, for `copy_rows`.
 
     Args:
         table: The model with a world for each of V variants.
         worlds: That of the worlds, each with a row of its own where parameters differ.
         variants: V.
-        episode: `EpisodeData`, with flags and variants.
 
-    Attributes:
-        kernels: What is launched.
+    Returns:
+        (P) `RowData` on the memory of both models, (0) of one variant, and what it refers to by address.
     """
+    pairs: list[tuple[wp.array, wp.array]] = []
+    if variants > 1:
+        rows = worlds.worlds
+        for name in ("medium", "flow", "traps"):
+            pairs += _pairs(getattr(table.data, name), getattr(worlds.data, name), variants, rows)
+        pairs += [
+            (source, target)
+            for source, target in zip(_force_rows(table), _force_rows(worlds), strict=True)
+            if source.shape[0] == variants and target.shape[0] == rows
+        ]
+    data = [_row_data(*pair) for pair in pairs]
+    return wp.array(data, dtype=RowData, device=worlds.device) if data else empty(0, RowData, worlds.device), data
 
-    def __init__(self, table: Model, worlds: Model, variants: int, episode: Any):
-        self.kernels = (copy_rows,)
-        self.episode = episode
-        self._pairs = []
-        if variants > 1:
-            rows = episode.variant.shape[0]
-            for name in ("medium", "flow", "traps"):
-                self._pairs += _pairs(getattr(table.data, name), getattr(worlds.data, name), variants, rows)
-            self._pairs += [
-                (source, target)
-                for source, target in zip(_force_rows(table), _force_rows(worlds), strict=True)
-                if source.shape[0] == variants and target.shape[0] == rows
-            ]
 
-    def launch(self) -> None:
-        """Copy the rows of the flagged worlds."""
-        for source, target in self._pairs:
-            wp.launch(
-                copy_rows, dim=target.shape[0], inputs=[self.episode.flags, self.episode.variant, source, target],
-                device=target.device,
-            )  # fmt: skip
+def _row_data(source: wp.array, target: wp.array) -> Any:
+    """`RowData`."""
+    data = RowData()
+    data.source, data.target = source, target
+    return data
 
 
 def _pairs(table: Any, worlds: Any, variants: int, rows: int) -> list[tuple[wp.array, wp.array]]:

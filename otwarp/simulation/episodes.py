@@ -131,4 +131,3 @@ class Episodes(Bound):
         """Start chosen worlds anew; see `Simulation.reset`."""
         model = self.model
         self.launches["restart"](model.worlds, start.chosen, start.state, start.number, wp.uint32(model.all_worlds))
-        self.at_most = model.worlds

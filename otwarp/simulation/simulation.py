@@ -264,6 +264,11 @@ class Simulation:
         poses = {"position": position, "orientation": orientation}
         start = starts_of(self.model, episodes.origin, worlds, poses, number, self._state_rows)
         episodes.restart(start)
+        self.note_starts()
+
+    def note_starts(self) -> None:
+        """Take note that worlds have been started anew on the device, as by `restart_world` in a kernel of the user."""
+        self.episodes.at_most = self.model.worlds
         self._stepper.place()
         self._measured_at = None
 

@@ -11,6 +11,7 @@ pytest.importorskip("gymnasium")
 
 from otwarp import studies
 from otwarp.envs import Batch
+from otwarp.envs.batch import WORLDS_EACH
 from otwarp.envs.registration import task_of
 from otwarp.errors import InputError
 from tests.envs.bead_task import task as bead_task
@@ -37,6 +38,22 @@ def test_episodes_start_within_their_boxes_and_differ(device):
         before = bead.copy()
         batch.restart()
         assert not np.any(batch.sim.state.position.numpy()[:, 0, 1] - 0.0 == before[:, 1])
+
+
+def test_a_thread_of_a_cpu_takes_its_worlds_and_no_others(device):
+    """As many as it takes, one more, and the same alone: each world acts, ends and starts anew as by itself."""
+    seen = {}
+    for worlds in (WORLDS_EACH + 1, WORLDS_EACH, 1):
+        batch = Batch(TASK, worlds, device=device, autoreset="same")
+        batch.restart(seeds=np.arange(WORLDS_EACH + 1)[-worlds:] if worlds == 1 else np.arange(worlds))
+        batch.actions.fill_(0.7)
+        for _ in range(40):
+            batch.step()
+        seen[worlds] = (batch.verdict.seen.numpy(), batch.episode.number.numpy())
+    for many, few in zip(seen[WORLDS_EACH + 1], seen[WORLDS_EACH], strict=True):
+        assert np.array_equal(many[:WORLDS_EACH], few)
+    for many, one in zip(seen[WORLDS_EACH + 1], seen[1], strict=True):
+        assert np.array_equal(many[-1:], one)
 
 
 def test_a_box_of_starts_may_lie_elsewhere(device):

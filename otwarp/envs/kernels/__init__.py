@@ -2,7 +2,8 @@
 
 types      the structs of the other files
 geometry   where spheres, traps and obstacles are
-control    actions to traps, worlds that start anew
+control    actions to traps
+starts     worlds that start anew
 rows       rows of tables, copied
 terms      what observations, rewards and ends are made of, as plain functions of a world at the end of a period
 task_terms what the shipped tasks have beside these

@@ -6,15 +6,19 @@ from typing import Any
 
 import warp as wp
 
+from otwarp.envs.kernels.starts import StartData, start_anew
 from otwarp.envs.kernels.types import EpisodeData, PlaceData, TaskNow
 from otwarp.kernels.core.features import CPU_FLAGS
 from otwarp.kernels.core.functions import compiled, function_from_text
 from otwarp.kernels.core.rounding import PRECISION
-from otwarp.kernels.core.types import ControlData, ReadoutData, StateData, WorldsData
+from otwarp.kernels.core.types import ControlData, ModelData, ReadoutData, StateData, WorldsData
 from otwarp.kernels.drivers.episodes import WorldFunction, parameters_from
+from otwarp.kernels.drivers.lane_groups import from_start
 
 LIMIT = wp.constant(10.0)
 """Scaled observations lie within ± so much."""
+HELD = wp.constant(1 << 20)
+"""Code of a world that has been reset and waits for the end of the period."""
 CUT_OFF = wp.constant(1 << 19)
 """Code of a world whose time is over."""
 
@@ -56,8 +60,11 @@ def _names() -> dict[str, Any]:
 
 
 def seen_term(readings: tuple[Reading, ...]) -> wp.Function:
-    """`(now, values, scale, seen)`: write all observed numbers of a world; `values` (1, P), `scale` (1, O)."""
-    names, lines, column = _names(), [], 0
+    """`(now, values, scale, seen)`: write all observed numbers of a world; `values` (1, P), `scale` (1, O).
+
+    All are found before any is written: for the compiler, what is written could change what is still to be read.
+    """
+    names, lines, stores = _names(), [], []
     for n, reading in enumerate(readings):
         # each kind of result is asked for by itself, so that a wrong one is told by its name
         kinds, allowed = ((wp.vec3,), "wp.vec3") if reading.components else ((wp.float32,), "float")
@@ -65,12 +72,12 @@ def seen_term(readings: tuple[Reading, ...]) -> wp.Function:
         first = sum(r.function.width for r in readings[:n])
         lines.append(f"    found_{n} = seen_{n}(now{parameters_from(reading.function, first)})")
         for component in reading.components or (None,):
-            value = f"found_{n}" if component is None else f"found_{n}[{component}]"
-            lines.append(f"    seen[now.world, {column}] = wp.clamp({value} / scale[0, {column}], -LIMIT, LIMIT)")
-            column += 1
+            value, column = f"found_{n}" if component is None else f"found_{n}[{component}]", len(stores)
+            lines.append(f"    value_{column} = wp.clamp({value} / scale[0, {column}], -LIMIT, LIMIT)")
+            stores.append(f"    seen[now.world, {column}] = value_{column}")
     text = (
         "def see(now: TaskNow, values: Values, scale: Values, seen: Values):\n"
-        '    """Write all observed numbers of a world."""\n    row = 0\n' + "\n".join(lines) + "\n"
+        '    """Write all observed numbers of a world."""\n    row = 0\n' + "\n".join([*lines, *stores]) + "\n"
     )
     return wp.func(function_from_text("see", text, names))
 
@@ -79,10 +86,8 @@ def earned_term(rewards: tuple[WorldFunction, ...]) -> wp.Function:
     """`(now, values, weight, earned) -> float`: write each weighted reward of a world; their sum."""
     names = _names()
     calls = _called(rewards, "reward", (wp.float32,), "float", names)
-    lines = [
-        f"    part_{n} = weight[0, {n}] * {call}\n    earned[now.world, {n}] = part_{n}\n    total = total + part_{n}\n"
-        for n, call in enumerate(calls)
-    ]
+    lines = [f"    part_{n} = weight[0, {n}] * {call}\n" for n, call in enumerate(calls)]
+    lines += [f"    earned[now.world, {n}] = part_{n}\n    total = total + part_{n}\n" for n in range(len(calls))]
     text = (
         "def earn(now: TaskNow, values: Values, weight: Values, earned: Values) -> float:\n"
         '    """Write each weighted reward of a world; their sum."""\n    row = 0\n    total = float(0.0)\n'
@@ -144,23 +149,21 @@ def judge_period_term(rewards: tuple[WorldFunction, ...], ends: tuple[WorldFunct
 def judge_kernels(
     readings: tuple[Reading, ...], rewards: tuple[WorldFunction, ...], ends: tuple[WorldFunction, ...]
 ) -> tuple[wp.Kernel, wp.Kernel]:
-    """Kernel that judges a period of each world, and one that observes flagged worlds after they have started anew."""
+    """Kernel that judges a period of each world, and one that starts worlds anew."""
     see, judge_period = seen_term(readings), judge_period_term(rewards, ends)
 
-    @wp.kernel(module="unique", enable_backward=False, module_options={"cpu_compiler_flags": CPU_FLAGS})
-    def judge(control: ControlData, state: StateData, readout: ReadoutData, place: PlaceData, worlds: WorldsData,
-              numbers: NumberData, keep_last: int, episode: EpisodeData, out: VerdictData):  # fmt: skip
-        """After a period: traps at rest where they have come to, rewards, ends and observations.
-
-        A world that has just been reset is only observed.
-        """
-        world = wp.tid()
+    @wp.func
+    def judge_world(control: ControlData, state: StateData, readout: ReadoutData, place: PlaceData,
+                    worlds: WorldsData, numbers: NumberData, keep_last: int, episode: EpisodeData, out: VerdictData,
+                    world: int):  # fmt: skip
+        """Judge the period of a world; one that has just been reset is only observed."""
         for t in range(control.trap_velocity.shape[1]):
             control.trap_position[world, t] = episode.focus[world, t]
             control.trap_velocity[world, t] = wp.vec3(0.0)
         for b in range(episode.gap.shape[1]):
             episode.gap[world, b] = wp.nan
         period = episode.period[world]
+        fresh = period == 0
         out.terminated[world] = False
         out.truncated[world] = False
         out.outcome[world] = 0
@@ -181,18 +184,42 @@ def judge_kernels(
             judge_period(now, worlds, numbers, out)
         now = TaskNow(world, period, float(period) * place.period, state, readout, place, episode)
         see(now, numbers.seen, numbers.scale, out.seen)
-        if keep_last != 0:
+        # not 0 after the last period only where the world has started anew since
+        if keep_last != 0 and (fresh or worlds.done[world] != 0):
             for n in range(out.seen.shape[1]):
                 out.last_seen[world, n] = wp.where(worlds.done[world] != 0, out.seen[world, n], 0.0)
 
-    @wp.kernel(module="unique", enable_backward=False, module_options={"cpu_compiler_flags": CPU_FLAGS})
-    def observe(state: StateData, readout: ReadoutData, place: PlaceData, numbers: NumberData, episode: EpisodeData,
-                seen: wp.array2d(dtype=wp.float32)):  # fmt: skip
-        """Observe the flagged worlds, which have just started anew."""
-        world = wp.tid()
-        if episode.flags[world] != 0:
-            for b in range(episode.gap.shape[1]):
-                episode.gap[world, b] = wp.nan
-            see(TaskNow(world, 0, 0.0, state, readout, place, episode), numbers.seen, numbers.scale, seen)
+    @wp.func
+    def start_world(start: StartData, model: ModelData, control: ControlData, state: StateData, readout: ReadoutData,
+                    place: PlaceData, worlds: WorldsData, numbers: NumberData, hold: int, episode: EpisodeData,
+                    seen: wp.array2d(dtype=wp.float32), world: int):  # fmt: skip
+        """Start a world anew, and observe it; with `hold` it waits for the end of the period."""
+        start_anew(start, model, control, state, readout, world, episode)
+        see(TaskNow(world, 0, 0.0, state, readout, place, episode), numbers.seen, numbers.scale, seen)
+        if hold != 0:
+            episode.held[world] = 1
+            worlds.done[world] = HELD
 
-    return judge, observe
+    @wp.kernel(module="unique", enable_backward=False, module_options={"cpu_compiler_flags": CPU_FLAGS})
+    def judge(control: ControlData, state: StateData, readout: ReadoutData, place: PlaceData, worlds: WorldsData,
+              numbers: NumberData, keep_last: int, episode: EpisodeData, out: VerdictData, each: int):  # fmt: skip
+        """After a period: traps at rest where they have come to, rewards, ends and observations."""
+        first = wp.tid() * each
+        for w in range(first, wp.min(first + each, worlds.done.shape[0])):
+            judge_world(control, state, readout, place, worlds, numbers, keep_last, episode, out, from_start(w))
+
+    @wp.kernel(module="unique", enable_backward=False, module_options={"cpu_compiler_flags": CPU_FLAGS})
+    def start_worlds(start: StartData, model: ModelData, control: ControlData, state: StateData, readout: ReadoutData,
+                     place: PlaceData, worlds: WorldsData, numbers: NumberData, ended: int, hold: int,
+                     episode: EpisodeData, seen: wp.array2d(dtype=wp.float32), each: int):  # fmt: skip
+        """Start the flagged worlds anew, or with `ended` those whose episodes are over, and observe them."""
+        first = wp.tid() * each
+        for w in range(first, wp.min(first + each, worlds.done.shape[0])):
+            chosen = episode.flags[w] != 0
+            if ended != 0:
+                chosen = worlds.done[w] != 0
+            if chosen:
+                start_world(start, model, control, state, readout, place, worlds, numbers, hold, episode, seen,
+                            from_start(w))  # fmt: skip
+
+    return judge, start_worlds

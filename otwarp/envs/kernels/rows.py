@@ -1,15 +1,19 @@
-"""Rows of a table, copied into those of chosen worlds."""
+"""Rows of a table, copied into those of worlds."""
 
 import warp as wp
 
 
-@wp.kernel(enable_backward=False)
-def copy_rows(
-    flags: wp.array(dtype=wp.int32), row: wp.array(dtype=wp.int32), source: wp.array2d(dtype=wp.float32),
-    target: wp.array2d(dtype=wp.float32),
-):  # fmt: skip
-    """For each flagged world, its row of the source."""
-    world = wp.tid()
-    if flags[world] != 0:
-        for n in range(target.shape[1]):
-            target[world, n] = source[row[world], n]
+@wp.struct
+class RowData:
+    """One parameter: in a table of variants, and in the worlds; each (rows, numbers)."""
+
+    source: wp.array2d(dtype=wp.float32)
+    target: wp.array2d(dtype=wp.float32)
+
+
+@wp.func
+def copy_rows(rows: wp.array(dtype=RowData), row: int, world: int):
+    """Copy a row of the table into that of a world, of all parameters."""
+    for p in range(rows.shape[0]):
+        for n in range(rows[p].target.shape[1]):
+            rows[p].target[world, n] = rows[p].source[row, n]

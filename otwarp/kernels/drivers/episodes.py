@@ -145,19 +145,11 @@ def flag_worlds(chosen: wp.array(dtype=wp.bool), flags: wp.array(dtype=wp.int32)
     flags[world] = wp.where(chosen[world], 1, 0)
 
 
-@wp.kernel(enable_backward=False)
-def restart(
-    model: ModelData, state: StateData, readout: ReadoutData, chosen: wp.array(dtype=wp.int32), start: StateData,
-    number: wp.array(dtype=wp.uint32), stride: wp.uint32,
+@wp.func
+def restart_world(
+    model: ModelData, state: StateData, readout: ReadoutData, start: StateData, world: int, number: wp.uint32
 ):  # fmt: skip
-    """Start each chosen world anew: pose from `start` (1|W), nothing measured, its clock at 0, its next trial.
-
-    The trial is `number` (W), or where that is empty, the last one + `stride`.
-    """
-    world = wp.tid()
-    if chosen[world] == 0:
-        return
-    worlds = model.worlds[0]
+    """Start a world anew in a trial: pose from `start` (1|W), nothing measured, its clock at 0."""
     for b in range(state.position.shape[1]):
         place = start.position[world_row(start.position.shape[0], world), b]
         if state.image.shape[1] > 0:
@@ -177,9 +169,24 @@ def restart(
     for b in range(readout.contact_force.shape[1]):
         readout.contact_force[world, b] = wp.vec3(0.0)
         readout.contact_load[world, b] = float(0.0)
+    model.worlds[0].number[world] = number
+    model.worlds[0].step[world] = wp.int64(0)
+    model.worlds[0].done[world] = 0
+
+
+@wp.kernel(enable_backward=False)
+def restart(
+    model: ModelData, state: StateData, readout: ReadoutData, chosen: wp.array(dtype=wp.int32), start: StateData,
+    number: wp.array(dtype=wp.uint32), stride: wp.uint32,
+):  # fmt: skip
+    """Start each chosen world anew.
+
+    The trial is `number` (W), or where that is empty, the last one + `stride`.
+    """
+    world = wp.tid()
+    if chosen[world] == 0:
+        return
+    next_number = model.worlds[0].number[world] + stride
     if number.shape[0] > 0:
-        worlds.number[world] = number[world]
-    else:
-        worlds.number[world] = worlds.number[world] + stride
-    worlds.step[world] = wp.int64(0)
-    worlds.done[world] = 0
+        next_number = number[world]
+    restart_world(model, state, readout, start, world, next_number)
