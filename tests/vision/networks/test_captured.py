@@ -97,3 +97,20 @@ def test_a_captured_network_says_what_it_says(device: str) -> None:
                 for name, value in said.items():
                     torch.testing.assert_close(value, plain[name], rtol=1e-4, atol=1e-4)
         assert set(captured.graphs) == {1, 3}
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_poses_of_a_yaw_are_captured(device: str, mirrored: bool) -> None:
+    import torch
+
+    from otwarp.vision.networks.modules.loss import residuals
+
+    names = ("tilt", "yaw", "depth")
+    mean, truth = torch.rand(2, 5, 3, device=device, generator=torch.Generator(device).manual_seed(2))
+    scale = torch.ones(3, device=device)
+    alone = residuals(mean, 9.0 * truth, scale, names, mirrored=mirrored)
+    graph = torch.cuda.CUDAGraph()
+    with torch.cuda.graph(graph):
+        captured = residuals(mean, 9.0 * truth, scale, names, mirrored=mirrored)
+    graph.replay()
+    torch.testing.assert_close(captured, alone, rtol=0.0, atol=0.0)

@@ -40,14 +40,15 @@ def residuals(mean: Tensor, truth: Tensor, scale: Tensor, names: tuple[str, ...]
     poses = [truth]
     if mirrored:
         sign, step = torch.ones_like(scale), torch.zeros_like(scale)
-        sign[names.index("tilt")] = -1.0
-        step[names.index("yaw")] = math.pi
+        # filled, since a number that is assigned comes from the host, which no graph of CUDA records
+        sign[names.index("tilt")].fill_(-1.0)
+        step[names.index("yaw")].fill_(math.pi)
         poses.append(truth * sign + step)
     error = torch.stack(poses) - mean
     if "yaw" in names:
         turn = 2.0 * math.pi
         round_the_circle = torch.zeros_like(scale)
-        round_the_circle[names.index("yaw")] = turn
+        round_the_circle[names.index("yaw")].fill_(turn)
         error = error - round_the_circle * torch.round(error / turn)
     return error / scale
 
