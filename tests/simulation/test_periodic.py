@@ -93,7 +93,9 @@ def test_contact_across_a_boundary_is_contact_inside(shift, driver, inside, devi
     wanted = inside.setdefault(driver, outcome(squeezed(), driver, device))
     assert wanted["load"].min() > 1.0
     for name, value in outcome(squeezed(shift), driver, device).items():
-        np.testing.assert_allclose(value, wanted[name], rtol=2e-4, atol=20 * ROUNDING, err_msg=name)
+        # contact forces on a sphere between two others all but cancel: what is left is no rounder than each of them
+        size = max(1.0, wanted["load"].max()) if name == "force" else 1.0
+        np.testing.assert_allclose(value, wanted[name], rtol=2e-4, atol=20 * ROUNDING * size, err_msg=name)
 
 
 def test_inside_the_cell_is_open_space(device):
