@@ -14,10 +14,13 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.perception.camera import CameraFrame, CameraInfo, CameraLost, Piece, Region
-from otwarp.vision.stack import READ, load_stack
+from otwarp.vision.stack import READ, load_stack, size_of
 
 TIMES = "times.csv"
 """Of a folder: a line for each image, its name and when its light was [s]."""
+
+FEW_BITS = 12
+"""Of cameras that leave the highest bits of 16 empty: of levels below these the highest 8 bits hold 16 at most."""
 
 VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".webm")
 
@@ -51,7 +54,7 @@ class FileCamera:
         rate: Images per second where nothing says their times; None: as the video says, else 100.
         loop: Whether it begins again at the end.
         shift: Seconds by which all stamps are late, to see what a clock that is wrong does.
-        bits: Of a grey level, in images of 16 bits.
+        bits: Of a grey level, in images of 16 bits; None for 16, if that can be.
 
     Raises:
         InputError: A rate, a shift or bits that cannot be.
@@ -65,13 +68,13 @@ class FileCamera:
         rate: float | None = None,
         loop: int = 0,
         shift: float = 0.0,
-        bits: int = 16,
+        bits: int | None = None,
     ):
         if rate is not None and not 0.01 <= rate <= 10_000.0:
             raise InputError(f"--camera {name}: rate is {rate:g}; allowed: 0.01 to 10000 images per second")
         if not math.isfinite(shift):
             raise InputError(f"--camera {name}: shift is {shift:g}; allowed: a finite time in seconds")
-        if not 9 <= bits <= 16:
+        if bits is not None and not 9 <= bits <= 16:
             raise InputError(f"--camera {name}: bits is {bits}; allowed: 9 to 16, of images of 16 bits")
         self._where, self._rate, self._loop, self._shift = Path(where), rate, bool(loop), shift
         self._bits = bits
@@ -95,12 +98,16 @@ class FileCamera:
             self._images.extend(names)
             if not names:
                 raise InputError(f"{self._where}: holds no image; allowed: {', '.join(READ)}")
-            first = self._grey(load_stack(names[0])[0], names[0])  # what nobody can read is refused now
+            page = load_stack(names[0])[:1]  # what nobody can read, or differs from it, is refused now
+            self._check_bits(page, names[0])
+            first = self._grey(page[0], names[0])
+            _check_sizes(names)
             self._times = self._stamps(names)
         else:
             pages, rate = (
                 _video(self._where) if self._where.suffix.lower() in VIDEOS else (load_stack(self._where), None)
             )
+            self._check_bits(pages, self._where)
             levels = [self._grey(page, self._where) for page in pages]
             self._images.extend(levels)
             first = levels[0]
@@ -140,7 +147,18 @@ class FileCamera:
         self._start, self._at = now, 0
 
     def _grey(self, image: np.ndarray, file: Path) -> np.ndarray:
-        return grey(image, str(file), self._bits)
+        return grey(image, str(file), self._bits or 16)
+
+    def _check_bits(self, pages: Sequence[np.ndarray] | np.ndarray, file: Path) -> None:
+        """Refuse images of 16 bits that look like those of a camera of fewer: of their levels next to none would stay.
+
+        Raises:
+            InputError: They do, and nobody has said how many bits they have.
+        """
+        top = max(int(page.max()) for page in pages)
+        if self._bits is None and pages[0].dtype == np.uint16 and top < 2**FEW_BITS:
+            raise InputError(f"{file}: levels go up to {top} of the 65535 of 16 bits; allowed: say how many bits they "
+                             f"have, as ,bits={FEW_BITS} after the path, or ,bits=16 if it is so dark")  # fmt: skip
 
     def _even(self, rate: float) -> list[float]:
         return [n / rate for n in range(len(self._images))]
@@ -160,7 +178,24 @@ class FileCamera:
             raise InputError(f"{file}: says no time of {error.args[0]}; allowed: all images of the folder") from None
         if not all(math.isfinite(t) for t in times):
             raise InputError(f"{file}: has a time that is not finite; allowed: seconds")
+        first: dict[float, str] = {}
+        for p, time in zip(names, times, strict=True):
+            if (other := first.setdefault(time, p.name)) != p.name:
+                raise InputError(f"{file}: {other} and {p.name} have the same time, {time:g} s, so that one would "
+                                 "never be shown; allowed: a time of its own for each image")  # fmt: skip
         return [t - times[0] for t in times]
+
+
+def _check_sizes(names: Sequence[Path]) -> None:
+    """Refuse a folder of images that differ in size, before anything runs.
+
+    Raises:
+        InputError: They do, or one cannot be read.
+    """
+    (wide, high), *others = map(size_of, names)
+    for name, size in zip(names[1:], others, strict=True):
+        if size != (wide, high):
+            raise InputError(f"{name}: is {size[0]} × {size[1]} pixels; allowed: {wide} × {high}, as {names[0].name}")
 
 
 def _video(file: Path) -> tuple[list[np.ndarray], float | None]:

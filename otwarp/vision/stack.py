@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -93,11 +95,8 @@ def load_stack(file: str | Path) -> np.ndarray:
     path = Path(file)
     if path.suffix.lower() not in READ:
         raise InputError(f"{path}: ending = {path.suffix or 'none'}; allowed: {', '.join(READ)}")
-    try:
+    with _readable(path):
         pages = _array(path) if path.suffix.lower() == ".npy" else _pages(path)
-    except (OSError, ValueError, EOFError, SyntaxError) as error:  # SyntaxError is what Pillow makes of a broken PNG
-        why = "there is no such file" if isinstance(error, FileNotFoundError) else " ".join(str(error).split())[:120]
-        raise InputError(f"{path}: cannot be read ({why}); allowed: images, {', '.join(READ)}") from None
     if pages.ndim == 4 and pages.shape[-1] in (3, 4):
         if np.any(pages[..., :3] != pages[..., :1]):
             raise InputError(f"{path}: images are in colour; allowed: grey ones")
@@ -108,6 +107,37 @@ def load_stack(file: str | Path) -> np.ndarray:
     if pages.dtype.kind == "f" and not np.all(np.isfinite(pages)):
         raise InputError(f"{path}: images have values that are not finite; allowed: finite numbers")
     return pages
+
+
+def size_of(file: Path) -> tuple[int, int]:
+    """Width and height of a file's images [pixels], by what stands at its beginning.
+
+    Raises:
+        InputError: It cannot be read.
+    """
+    with _readable(file):
+        if file.suffix.lower() == ".npy":
+            shape = np.load(file, mmap_mode="r", allow_pickle=False).shape
+            height, width = shape[1:3] if len(shape) > 2 else shape
+            return width, height
+        from PIL import Image
+
+        with Image.open(file) as opened:
+            return opened.size
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """Say in one line why a file of images cannot be read.
+
+    Raises:
+        InputError: It cannot.
+    """
+    try:
+        yield
+    except (OSError, ValueError, EOFError, SyntaxError) as error:  # SyntaxError is what Pillow makes of a broken PNG
+        why = "there is no such file" if isinstance(error, FileNotFoundError) else " ".join(str(error).split())[:120]
+        raise InputError(f"{path}: cannot be read ({why}); allowed: images, {', '.join(READ)}") from None
 
 
 def _array(path: Path) -> np.ndarray:

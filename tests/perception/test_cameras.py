@@ -65,6 +65,22 @@ def test_times_of_a_folder_may_go_back(folder):
     assert times == pytest.approx([0.0, 0.1])  # the second and third are there at once, in their order
 
 
+def test_images_at_the_same_time_or_of_another_size_are_refused_before_anything_runs(folder):
+    (folder / "times.csv").write_text("0.png,5.0\n1.png,5.2\n2.png,5.0\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"times\.csv: 0\.png and 2\.png have the same time, 5 s"):
+        FileCamera(str(folder)).open()
+    (folder / "times.csv").unlink()
+    for file, save in (("3.png", lambda p: Image.fromarray(LEVELS[:, :4]).save(p)),
+                       ("3.npy", lambda p: np.save(p, LEVELS[:, :4]))):  # fmt: skip
+        save(folder / file)
+        with pytest.raises(InputError, match=rf"{file}: is 4 × 6 pixels; allowed: 8 × 6, as 0\.png"):
+            FileCamera(str(folder)).open()
+        (folder / file).unlink()
+    (folder / "3.png").write_bytes(b"no image")
+    with pytest.raises(InputError, match=r"3\.png: cannot be read"):
+        FileCamera(str(folder)).open()
+
+
 def test_pages_arrays_and_sixteen_bits(tmp_path):
     wide = LEVELS.astype(np.uint16) << 8
     np.save(tmp_path / "stack.npy", np.stack([wide, wide]))
@@ -83,6 +99,8 @@ def test_ten_bits_in_sixteen(tmp_path):
     camera.open()
     frame = camera.read(0.0)
     assert frame is not None and np.array_equal(frame.pieces[0].levels, LEVELS) and camera.info.size == (8, 6)
+    with pytest.raises(InputError, match=r"levels go up to 188 of the 65535 of 16 bits; allowed: say how many bits"):
+        make_camera(f"files:{tmp_path / 'ten.npy'}").open()
     np.save(tmp_path / "ten.npy", np.full((1, 6, 8), 1024, dtype=np.uint16))
     with pytest.raises(InputError, match="levels go up to 1024; allowed with 10 bits: 1023"):
         camera.open()

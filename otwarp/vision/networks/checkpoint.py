@@ -13,6 +13,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
+import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -140,9 +141,20 @@ def write_json(file: Path, value: Any) -> None:
 
 
 def save(file: Path, value: Mapping[str, Any]) -> None:
-    """Write tensors and plain values, the whole file or none."""
-    with written(file, str(file)) as part:
-        torch_library().save(dict(value), part)
+    """Write tensors and plain values, the whole file or none.
+
+    Raises:
+        InputError: The file cannot be written.
+        OSError: The disk is full.
+    """
+    with written(file, str(file)) as part, part.open("wb") as opened:
+        try:
+            torch_library().save(dict(value), opened)
+        except RuntimeError as error:
+            # torch's writer fails once more while it closes the archive, which hides what the disk said
+            if isinstance(error.__context__, OSError):
+                raise error.__context__ from None
+            raise
 
 
 def load(file: Path, allowed: str) -> dict[str, Any]:
@@ -153,14 +165,30 @@ def load(file: Path, allowed: str) -> dict[str, Any]:
         allowed: What it may be, for an error.
 
     Raises:
-        InputError: It is not there, cannot be read, or is of another version.
+        InputError: It is not there, cannot be read, is damaged, or is of another version.
     """
     if not file.is_file():
         raise InputError(f"{file}: is not there; allowed: {allowed}")
     found = read_file(file)
+    _check_whole(file, allowed)
     if found.get("version") != VERSION:
         raise InputError(f"{file}: version is {found.get('version')!r}; allowed: {VERSION}, as this otwarp writes it")
     return found
+
+
+def _check_whole(file: Path, allowed: str) -> None:
+    """Compare the checksums in an archive, which torch does not when it reads one.
+
+    Raises:
+        InputError: It is damaged.
+    """
+    try:
+        with zipfile.ZipFile(file) as archive:
+            bad = archive.testzip()
+    except Exception as error:  # whatever a reader of archives raises where a header is damaged
+        raise InputError(f"{file}: is damaged ({error}); allowed: {allowed}") from None
+    if bad is not None:
+        raise InputError(f"{file}: is damaged, the checksum of {bad} differs; allowed: {allowed}")
 
 
 def random_state() -> dict[str, Any]:

@@ -104,10 +104,13 @@ def save_track(file: Path, recorded: RecordedBody, steps: list[Step], errors: Er
 
     Raises:
         InputError: The file cannot be written.
+        OSError: The disk is full.
     """
     import netCDF4
 
-    with written(file, f"--out {file}") as part, netCDF4.Dataset(part, "w") as data:
+    # made in memory, as netCDF writes to a full disk without saying so, or with what names no cause
+    data = netCDF4.Dataset("track.nc", "w", memory=0)
+    try:
         data.setncatts({"title": "track of a body through the frames of a run", "body": recorded.body, **about})
         between = [p for s in steps for p in s.between]
         sizes = {"frame": len(steps), "xyz": 3, "quaternion": 4, "pose": 6, "pose_too": 6, "prediction": len(between)}
@@ -116,6 +119,10 @@ def save_track(file: Path, recorded: RecordedBody, steps: list[Step], errors: Er
         _frames(data, recorded, steps, errors)
         _poses(data, "predicted_", ("prediction",), between)
         _put(data, "predicted_time", ("prediction",), [p.time for p in between], "s", "time of a prediction")
+    finally:
+        made = data.close()
+    with written(file, f"--out {file}") as part:
+        part.write_bytes(made)
     return file
 
 

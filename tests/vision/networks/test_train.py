@@ -17,10 +17,38 @@ from otwarp.errors import InputError
 from otwarp.vision.networks import checkpoint, train
 from otwarp.vision.networks.evaluate import evaluate
 from otwarp.vision.networks.settings import Settings
+from tests.full_disk import largest_file
 from tests.vision.networks.conftest import TRAINED
 
 QUICK = {"net": "small", "heads": "both", "epochs": 3, "batch": 16, "images": 32, "size": 32}
 """Of trainings whose result does not matter."""
+
+
+@pytest.mark.quick
+@pytest.mark.skipif(sys.platform != "linux", reason="needs RLIMIT_FSIZE")
+def test_a_full_disk_is_said_and_the_last_checkpoint_stays(tmp_path: Path) -> None:
+    """torch's writer says of a full disk that a position is unexpected."""
+    torch = pytest.importorskip("torch")
+    file = tmp_path / "checkpoint.pt"
+    checkpoint.save(file, {"version": checkpoint.VERSION, "weights": torch.ones(10)})
+    with largest_file(100_000), pytest.raises(OSError, match="File too large") as error:
+        checkpoint.save(file, {"version": checkpoint.VERSION, "weights": torch.zeros(100_000)})
+    assert error.value.filename == str(file)
+    assert list(tmp_path.iterdir()) == [file]
+    assert bool(torch.all(checkpoint.load(file, "it")["weights"] == 1.0))
+
+
+@pytest.mark.quick
+def test_a_flipped_bit_of_a_checkpoint_is_seen(tmp_path: Path) -> None:
+    """torch itself compares no checksums."""
+    torch = pytest.importorskip("torch")
+    file = tmp_path / "checkpoint.pt"
+    checkpoint.save(file, {"version": checkpoint.VERSION, "weights": torch.full((10_000,), 1.5)})
+    damaged = bytearray(file.read_bytes())
+    damaged[damaged.index(bytes(torch.full((100,), 1.5).numpy().tobytes())) + 400] ^= 1
+    file.write_bytes(damaged)
+    with pytest.raises(InputError, match=r"checkpoint\.pt: is damaged, the checksum of .* differs; allowed: it"):
+        checkpoint.load(file, "it")
 
 
 @pytest.mark.quick

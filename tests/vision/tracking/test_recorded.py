@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from otwarp.cli.main import main
 from otwarp.record import record_run
 from otwarp.scene import Scene
+from tests.full_disk import largest_file
 
 BEAD = "scenes/single_bead.usda"
 QUICKLY = ["--size", "40", "--rings", "1", "--thickness", "0.5", "--device", "cpu"]
@@ -66,6 +68,17 @@ def test_nonsense_is_refused(
     error = capfd.readouterr().err
     assert said in error
     assert error.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.quick
+@pytest.mark.skipif(sys.platform != "linux", reason="needs RLIMIT_FSIZE")
+def test_a_full_disk_is_said_and_leaves_nothing(run: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """netCDF and HDF5 name no cause of a write that fails, so that the file is made in memory."""
+    file = tmp_path / "bead.nc"
+    with largest_file(8192):
+        assert main(["vision", "track", str(run), "-o", str(file), "--frames", "3", *QUICKLY]) == 1
+    assert capfd.readouterr().err.splitlines()[-1] == f"otwarp: {file}: File too large"
     assert list(tmp_path.iterdir()) == []
 
 
