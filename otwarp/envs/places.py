@@ -72,6 +72,8 @@ def place_data(layout: Layout, model: Model) -> tuple[Any, list[wp.Mesh]]:
     data.obstacle_rotation = wp.zeros(shape, dtype=wp.quat, device=device)
     poses = [wp.float64(1.0 / task.rate), data.obstacle_position, data.obstacle_rotation]
     wp.launch(tabulate_poses, dim=shape, inputs=[data.obstacles, *poses], device=device)
+    if np.all(data.obstacle_rotation.numpy() == (0.0, 0.0, 0.0, 1.0)):
+        data.obstacle_rotation = wp.zeros((shape[0], 0), dtype=wp.quat, device=device)
     data.flow_speed = model.data.flow.speed
     data.period, data.time_limit = 1.0 / task.rate, task.time_limit
     data.speed_limit = task.speed_limit

@@ -4,8 +4,8 @@ import warp as wp
 
 from otwarp.envs.kernels.types import TaskNow
 from otwarp.kernels.contact.obstacles import FAR, SHAPES, distance_term, moving_pose
-from otwarp.kernels.core.packed import point_of
-from otwarp.kernels.core.types import ObstacleData, Pose, world_row
+from otwarp.kernels.core.packed import beside, distance_of, point_of
+from otwarp.kernels.core.types import ObstacleData, world_row
 from otwarp.kernels.drivers.lane_groups import from_start
 
 shape_distance = distance_term(tuple(SHAPES))
@@ -62,20 +62,30 @@ def pose_row(now: TaskNow, period: int) -> int:
 
 
 @wp.func
-def obstacle_pose(now: TaskNow, obstacle: int, period: int) -> Pose:
-    """Pose of an obstacle [µm] so many periods of control after the start of the episode."""
-    row = pose_row(now, period)
-    return Pose(now.place.obstacle_position[row, obstacle], now.place.obstacle_rotation[row, obstacle])
+def obstacle_place(now: TaskNow, obstacle: int, period: int) -> wp.vec3:
+    """Origin of an obstacle [µm] so many periods of control after the start of the episode."""
+    return now.place.obstacle_position[pose_row(now, period), obstacle]
+
+
+@wp.func
+def in_obstacle(now: TaskNow, row: int, obstacle: int, way: wp.vec3) -> wp.vec3:
+    """A vector in an obstacle's own frame, of which the pose is in a row of the table."""
+    turned = way
+    if now.place.obstacle_rotation.shape[1] > 0:
+        turned = wp.quat_rotate_inv(now.place.obstacle_rotation[row, obstacle], way)
+    return turned
 
 
 @wp.func
 def surface_of(now: TaskNow, obstacle: int, point: wp.vec3) -> wp.vec4:
     """Outward normal of an obstacle's surface nearest to a point, and the distance of the point from it [µm]."""
-    pose = obstacle_pose(now, obstacle, now.period)
-    local = wp.quat_rotate_inv(pose.rotation, point - pose.position)
+    row = pose_row(now, now.period)
+    local = in_obstacle(now, row, obstacle, point - now.place.obstacle_position[row, obstacle])
     found = shape_distance(now.place.obstacles, obstacle, local, FAR)
-    normal = wp.quat_rotate(pose.rotation, wp.vec3(found[0], found[1], found[2]))
-    return wp.vec4(normal[0], normal[1], normal[2], found[3])
+    normal = point_of(found)
+    if now.place.obstacle_rotation.shape[1] > 0:
+        normal = wp.quat_rotate(now.place.obstacle_rotation[row, obstacle], normal)
+    return beside(normal, distance_of(found))
 
 
 @wp.func
@@ -106,8 +116,8 @@ def gap_of(now: TaskNow, body: int) -> float:
                 # what is farther away than the nearest so far is not looked at
                 near = least + now.place.obstacles.bound[obstacle] + sphere[3]
                 if near > 0.0 and wp.length_sq(way) < near * near:
-                    local = wp.quat_rotate_inv(now.place.obstacle_rotation[row, obstacle], way)
-                    clear = shape_distance(now.place.obstacles, obstacle, local, FAR)[3] - sphere[3]
+                    local = in_obstacle(now, row, obstacle, way)
+                    clear = distance_of(shape_distance(now.place.obstacles, obstacle, local, FAR)) - sphere[3]
                     least = wp.where(clear < least, clear, least)
         now.episode.gap[now.world, body] = least
     return least

@@ -2,14 +2,13 @@
 
 import warp as wp
 
-from otwarp.envs.kernels.geometry import body_place, gap_of, held_place, obstacle_pose, thrift_of, trap_offset_of
+from otwarp.envs.kernels.geometry import body_place, gap_of, held_place, obstacle_place, thrift_of, trap_offset_of
 from otwarp.envs.kernels.types import TaskNow
 
 
 def middle_offset(now: TaskNow, body: int, obstacle: int) -> wp.vec3:
     """Way from a body to the middle of an obstacle."""
-    pose = obstacle_pose(now, obstacle, now.period)
-    return pose.position - body_place(now, body)
+    return obstacle_place(now, obstacle, now.period) - body_place(now, body)
 
 
 def approach(now: TaskNow, body: int, other: int) -> float:

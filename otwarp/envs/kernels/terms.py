@@ -8,7 +8,7 @@ from otwarp.envs.kernels.geometry import (
     body_turn,
     gap_between,
     gap_of,
-    obstacle_pose,
+    obstacle_place,
     surface_of,
     trap_offset_of,
 )
@@ -68,9 +68,9 @@ def obstacle_offset(now: TaskNow, body: int, obstacle: int) -> wp.vec3:
 
 def obstacle_velocity(now: TaskNow, obstacle: int) -> wp.vec3:
     """Velocity of an obstacle's origin over the last period."""
-    last = obstacle_pose(now, obstacle, now.period)
-    before = obstacle_pose(now, obstacle, now.period - 1)
-    return (last.position - before.position) / now.place.period
+    last = obstacle_place(now, obstacle, now.period)
+    before = obstacle_place(now, obstacle, now.period - 1)
+    return (last - before) / now.place.period
 
 
 def gap(now: TaskNow, body: int) -> float:

@@ -17,7 +17,7 @@ class PlaceData:
     hand: wp.array(dtype=wp.int32)  # (T) hand that moves it, -1 none
     obstacles: ObstacleData
     obstacle_position: wp.array2d(dtype=wp.vec3)  # (P, O) after 0, 1, … periods of control, at last for good [µm]
-    obstacle_rotation: wp.array2d(dtype=wp.quat)  # (P, O)
+    obstacle_rotation: wp.array2d(dtype=wp.quat)  # (P, O), (P, 0) where none is turned
     flow_speed: wp.array(dtype=wp.float32)  # (1|W) of the model [µm/s]
     period: wp.float32  # of control [s]
     time_limit: wp.float32  # after which an episode is cut off [s]
