@@ -13,7 +13,7 @@ from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, Sta
 from otwarp.kernels.core.worlds import number_term
 from otwarp.kernels.cpu.noise_block import three_at
 from otwarp.kernels.forces.total import sphere_total
-from otwarp.kernels.optics.traps import anchored, commanded_still, trap_force_term
+from otwarp.kernels.optics.traps import anchored, commanded_still, glide_of, trap_force_term
 
 
 def bead_constants_term(f: Features) -> wp.Function:
@@ -45,11 +45,15 @@ def bead_constants_term(f: Features) -> wp.Function:
                 if wp.static(f.traps <= FEW_TRAPS):
                     bead.first = prepare(model.traps, world, 0, bead.radius, bead.kind)
                     bead.first_anchor = commanded_still(model.traps, control, world, 0, wp.float64(0.0))
+                    if wp.static(f.gliding_traps):
+                        bead.first_glide = glide_of(control, world, 0)
                     if wp.static(f.still_traps):
                         bead.first_anchor = anchored(bead.first, bead.first_anchor)
                 if wp.static(f.traps == FEW_TRAPS):
                     bead.second = prepare(model.traps, world, 1, bead.radius, bead.kind)
                     bead.second_anchor = commanded_still(model.traps, control, world, 1, wp.float64(0.0))
+                    if wp.static(f.gliding_traps):
+                        bead.second_glide = glide_of(control, world, 1)
                     if wp.static(f.still_traps):
                         bead.second_anchor = anchored(bead.second, bead.second_anchor)
         return bead

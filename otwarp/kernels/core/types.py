@@ -90,6 +90,14 @@ class TrapConstants:
 
 
 @wp.struct
+class Glide:
+    """How the focus of a trap goes on from where it is commanded."""
+
+    velocity: wp.vec3  # [µm/s]
+    since: wp.float64  # time at which it is where it is commanded [s]
+
+
+@wp.struct
 class BeadConstants:
     """What one time step needs to know of a lone sphere, made once, kept in registers over a loop of steps."""
 
@@ -106,6 +114,8 @@ class BeadConstants:
     # equilibrium point [µm] and power [mW] of traps that stay where they are; of others the focus when not followed
     first_anchor: wp.vec4
     second_anchor: wp.vec4
+    first_glide: Glide  # of traps that glide
+    second_glide: Glide
     first_piece: Piece  # of traps that follow samples: not constant, but for many steps
     second_piece: Piece
     # of the `lanes` form

@@ -15,10 +15,16 @@ to stay near it."""
 
 @wp.struct
 class BeadLane:
-    """A lone sphere on its way; `until` is the step of the launch at which it stops."""
+    """A lone sphere on its way.
+
+    `until` is the step of the launch at which it stops; with episodes, `start` is the step of its world at which the
+    launch begins.
+    """
 
     position: wp.vec3
     until: wp.int32
+    start: wp.int64
+    world: wp.int32
     bead: BeadConstants
     first: EscapeMonitor
     second: EscapeMonitor

@@ -72,6 +72,10 @@ def make_bead_lanes(f: Features) -> wp.Kernel:
             b0 = (before + g0) % wp.static(f.bodies)
             lanes[g0] = start(model, control, state, readout, w0, b0)
             lanes[g0].until = steps
+            if wp.static(f.episodes):
+                # which would have to be looked up in every step
+                lanes[g0].start = start_of(model, w0, first_step)
+                lanes[g0].world = w0
         together = bool(False)
         if wp.static(step_together is not None):
             together = alike(lanes, bodies)
@@ -93,27 +97,30 @@ def make_bead_lanes(f: Features) -> wp.Kernel:
                         lanes[g1].bead.deviates = before_step(address_of(deviates, wp.static(3 * BLOCK) * g1), now)
                 for k in range(done, done + count):
                     for g2 in range(bodies):
-                        w2 = world_in(model, first_world + (before + g2) // wp.static(f.bodies))
+                        w2 = first_world + (before + g2) // wp.static(f.bodies)
+                        first = first_step
+                        if wp.static(f.episodes):
+                            w2 = lanes[g2].world
+                            first = lanes[g2].start
                         b2 = (before + g2) % wp.static(f.bodies)
-                        first = start_of(model, w2, first_step)
                         advance(model, control, state, readout, lanes, from_start(g2), w2, b2, first, k)
             done += count
         for g3 in range(bodies):
             w3 = world_in(model, first_world + (before + g3) // wp.static(f.bodies))
             b3 = (before + g3) % wp.static(f.bodies)
-            finish(model, control, state, readout, lanes[g3], w3, b3, start_of(model, w3, first_step))
+            finish(model, state, readout, lanes[g3], w3, b3, start_of(model, w3, first_step))
 
     return bead_lanes
 
 
 def look_term(f: Features) -> wp.Function:
-    """`(model, control, lane, world, first, taken) -> two monitors`: what the first two traps see by then."""
+    """`(model, lane, world, first, taken) -> two monitors`: what the first two traps see by then."""
     monitors = f.monitors
     monitored, kept_anchor = monitor_term(f), kept_anchor_term(f)
 
     @wp.func
     def look(
-        model: ModelData, control: ControlData, lane: BeadLane, world: int, first: wp.int64, taken: int
+        model: ModelData, lane: BeadLane, world: int, first: wp.int64, taken: int
     ) -> tuple[EscapeMonitor, EscapeMonitor]:
         """Monitors of the first two traps after `taken` steps; those that no trap needs come back unchanged."""
         bead = lane.bead
@@ -121,10 +128,10 @@ def look_term(f: Features) -> wp.Function:
         two = lane.second
         time = wp.float64(first + wp.int64(taken)) * model.time_step
         if wp.static(monitors > 0):
-            anchor = kept_anchor(control, bead.first, bead.first_anchor, world, 0, time)
+            anchor = kept_anchor(bead.first, bead.first_anchor, bead.first_glide, time)
             one = monitored(model, bead, one, anchor, world, 0, lane.position, first, taken)
         if wp.static(monitors > 1):
-            other = kept_anchor(control, bead.second, bead.second_anchor, world, 1, time)
+            other = kept_anchor(bead.second, bead.second_anchor, bead.second_glide, time)
             two = monitored(model, bead, two, other, world, 1, lane.position, first, taken)
         return one, two
 
@@ -171,7 +178,7 @@ def advance_lane_term(f: Features) -> wp.Function:
         if k < lanes[g].until:
             lane = lanes[g]
             if wp.static(monitors > 0):
-                one, two = look(model, control, lane, world, first, k)
+                one, two = look(model, lane, world, first, k)
                 lanes[g].first = one
                 if wp.static(monitors > 1):
                     lanes[g].second = two
@@ -203,18 +210,17 @@ def advance_lane_term(f: Features) -> wp.Function:
 
 
 def finish_lane_term(f: Features) -> wp.Function:
-    """`(model, control, state, readout, lane, world, b, first)` at the end of a launch."""
+    """`(model, state, readout, lane, world, b, first)` at the end of a launch."""
     monitors = f.monitors
     look = look_term(f)
 
     @wp.func
     def finish(
-        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, lane: BeadLane, world: int,
-        b: int, first: wp.int64,
+        model: ModelData, state: StateData, readout: ReadoutData, lane: BeadLane, world: int, b: int, first: wp.int64
     ):  # fmt: skip
         """Write the position [µm] back, and report escapes up to the last step."""
         state.position[world, b] = lane.position
-        one, two = look(model, control, lane, world, first, lane.until)
+        one, two = look(model, lane, world, first, lane.until)
         if wp.static(monitors > 0):
             report_escape(readout, one, world, 0, first)
         if wp.static(monitors > 1):

@@ -64,21 +64,21 @@ def start_monitors_term(f: Features) -> wp.Function:
 
 
 def look_term(f: Features) -> wp.Function:
-    """`(model, control, bead, monitors, world, position, first, taken) -> EscapeMonitors` after `taken` steps."""
+    """`(model, bead, monitors, world, position, first, taken) -> EscapeMonitors` after `taken` steps."""
     monitored, kept_anchor = monitor_term(f), kept_anchor_term(f)
 
     @wp.func
     def look(
-        model: ModelData, control: ControlData, bead: BeadConstants, monitors: EscapeMonitors, world: int,
-        position: wp.vec3, first: wp.int64, taken: int,
+        model: ModelData, bead: BeadConstants, monitors: EscapeMonitors, world: int, position: wp.vec3,
+        first: wp.int64, taken: int,
     ) -> EscapeMonitors:  # fmt: skip
         """The monitors after `taken` steps with the sphere at `position` [µm]."""
         out = monitors
         time = wp.float64(first + wp.int64(taken)) * model.time_step
-        anchor = kept_anchor(control, bead.first, bead.first_anchor, world, 0, time)
+        anchor = kept_anchor(bead.first, bead.first_anchor, bead.first_glide, time)
         out.first = monitored(model, bead, monitors.first, anchor, world, 0, position, first, taken)
         if wp.static(f.traps == FEW_TRAPS):
-            other = kept_anchor(control, bead.second, bead.second_anchor, world, 1, time)
+            other = kept_anchor(bead.second, bead.second_anchor, bead.second_glide, time)
             out.second = monitored(model, bead, monitors.second, other, world, 1, position, first, taken)
         return out
 
@@ -137,7 +137,7 @@ def make_bead_step(f: Features) -> wp.Kernel:
         taken = int(0)
         for i in range(steps):
             if wp.static(monitor):
-                monitors = look(model, control, bead, monitors, world, position, start, i)
+                monitors = look(model, bead, monitors, world, position, start, i)
             step = start + wp.int64(i)
             time = wp.float64(step) * model.time_step
             if wp.static(takes_pieces(f)):
@@ -162,7 +162,7 @@ def make_bead_step(f: Features) -> wp.Kernel:
                 position = kept_in_domain(model, state, readout, world, b, position, step + wp.int64(1))
         state.position[world, b] = position
         if wp.static(monitor):
-            monitors = look(model, control, bead, monitors, world, position, start, taken)
+            monitors = look(model, bead, monitors, world, position, start, taken)
             report_escape(readout, monitors.first, world, 0, start)
             if wp.static(f.traps == FEW_TRAPS):
                 report_escape(readout, monitors.second, world, 1, start)

@@ -6,7 +6,7 @@ from otwarp.kernels.core.features import FEW_TRAPS, Features
 from otwarp.kernels.core.keyframes import Piece
 from otwarp.kernels.core.packed import point_of, power_of
 from otwarp.kernels.core.periodic import nearest
-from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, StateData, TrapConstants
+from otwarp.kernels.core.types import BeadConstants, ControlData, Glide, ModelData, StateData, TrapConstants
 from otwarp.kernels.forces.force import Term
 from otwarp.kernels.forces.zeros import ZEROS
 from otwarp.kernels.optics.trap_command import anchor_of, piece_command_term, trap_command_term
@@ -27,23 +27,23 @@ def is_trapped(model: ModelData, b: int) -> bool:
 
 
 def few_command_term(f: Features) -> wp.Function:
-    """`(model, control, state, world, trap, piece, still, time) -> vec4(focus, power)` of a stage."""
+    """`(model, control, state, world, trap, piece, glide, still, time) -> vec4(focus, power)` of a stage."""
     if f.moving_traps:
         return piece_command_term(f)
     trap_command = trap_command_term(f, stage=True)
 
     @wp.func
     def gliding(
-        model: ModelData, control: ControlData, state: StateData, world: int, trap: int, piece: Piece, still: wp.vec4,
-        time: wp.float64,
+        model: ModelData, control: ControlData, state: StateData, world: int, trap: int, piece: Piece, glide: Glide,
+        still: wp.vec4, time: wp.float64,
     ) -> wp.vec4:  # fmt: skip
         """Focus [µm] and power [mW] of a trap that follows no samples, from where it was when it began to glide."""
-        return glided(control, world, trap, still, time)
+        return glided(glide, still, time)
 
     @wp.func
     def unsampled(
-        model: ModelData, control: ControlData, state: StateData, world: int, trap: int, piece: Piece, still: wp.vec4,
-        time: wp.float64,
+        model: ModelData, control: ControlData, state: StateData, world: int, trap: int, piece: Piece, glide: Glide,
+        still: wp.vec4, time: wp.float64,
     ) -> wp.vec4:  # fmt: skip
         """Focus [µm] and power [mW] of a trap that follows no samples."""
         return trap_command(model, control, state, world, trap, time)
@@ -101,13 +101,15 @@ def sum_over_traps_term(f: Features, what: str) -> wp.Function:
         """Sum [pN or pN/µm] over one or two traps whose constants `bead` holds."""
         anchor = bead.first_anchor
         if wp.static(not f.still_traps):
-            now = few_command(model, control, state, world, 0, bead.first_piece, bead.first_anchor, time)
+            way, kept = bead.first_glide, bead.first_anchor
+            now = few_command(model, control, state, world, 0, bead.first_piece, way, kept, time)
             anchor = anchored(bead.first, now)
         total = one_of_few(model, bead.first, anchor, position)
         if wp.static(f.traps == FEW_TRAPS):
             other = bead.second_anchor
             if wp.static(not f.still_traps):
-                then = few_command(model, control, state, world, 1, bead.second_piece, bead.second_anchor, time)
+                way2, kept2 = bead.second_glide, bead.second_anchor
+                then = few_command(model, control, state, world, 1, bead.second_piece, way2, kept2, time)
                 other = anchored(bead.second, then)
             total += one_of_few(model, bead.second, other, position)
         return total

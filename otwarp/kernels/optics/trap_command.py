@@ -5,12 +5,13 @@ import warp as wp
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.keyframes import Piece
 from otwarp.kernels.core.packed import beside, point_of, power_of
-from otwarp.kernels.core.types import ControlData, ModelData, StateData, TrapConstants, TrapData, world_row
+from otwarp.kernels.core.types import ControlData, Glide, ModelData, StateData, TrapConstants, TrapData, world_row
 from otwarp.kernels.optics.traps import (
     anchored,
     commanded_animated,
     commanded_staged,
     commanded_still,
+    glide_of,
     glided,
     limited_focus,
     piece_terms,
@@ -36,7 +37,7 @@ def commanded_term(f: Features, *, stage: bool = False) -> wp.Function:
     @wp.func
     def commanded_gliding(traps: TrapData, control: ControlData, world: int, trap: int, time: wp.float64) -> wp.vec4:
         """Commanded focus [µm] and power [mW] of a trap whose focus goes on at the velocity that is commanded."""
-        return glided(control, world, trap, sampled(traps, control, world, trap, time), time)
+        return glided(glide_of(control, world, trap), sampled(traps, control, world, trap, time), time)
 
     return commanded_gliding if f.gliding_traps else sampled
 
@@ -62,18 +63,18 @@ def trap_command_term(f: Features, *, stage: bool = False) -> wp.Function:
 
 
 def piece_command_term(f: Features) -> wp.Function:
-    """`(model, control, state, world, trap, piece, still, time) -> vec4(focus, power)` of a stage, by a piece."""
+    """`(model, control, state, world, trap, piece, glide, still, time) -> vec4(focus, power)` by a piece."""
     _, commanded = piece_terms(f)
 
     @wp.func
     def piece_command(
-        model: ModelData, control: ControlData, state: StateData, world: int, trap: int, piece: Piece, still: wp.vec4,
-        time: wp.float64,
+        model: ModelData, control: ControlData, state: StateData, world: int, trap: int, piece: Piece, glide: Glide,
+        still: wp.vec4, time: wp.float64,
     ) -> wp.vec4:  # fmt: skip
         """Focus [µm] as commanded, or as far as the speed limit let it come, and power [mW]; `still` unfollowed."""
         command = commanded(model.traps, control, trap, piece, still, time)
         if wp.static(f.gliding_traps):
-            command = glided(control, world, trap, command, time)
+            command = glided(glide, command, time)
         if wp.static(f.speed_limits):
             command = as_far(model, state, world, trap, command)
         return command
@@ -101,21 +102,17 @@ def move_trap_term(f: Features) -> wp.Function:
 
 
 def kept_anchor_term(f: Features) -> wp.Function:
-    """`(control, law, kept, world, trap, time) -> vec4(equilibrium point, power)` from what a launch has kept of it."""
+    """`(law, kept, glide, time) -> vec4(equilibrium point, power)` from what a launch has kept of a trap."""
 
     @wp.func
-    def still(
-        control: ControlData, law: TrapConstants, kept: wp.vec4, world: int, trap: int, time: wp.float64
-    ) -> wp.vec4:
+    def still(law: TrapConstants, kept: wp.vec4, glide: Glide, time: wp.float64) -> wp.vec4:
         """Equilibrium point [µm] and power [mW] of a trap that stays, which are kept."""
         return kept
 
     @wp.func
-    def gliding(
-        control: ControlData, law: TrapConstants, kept: wp.vec4, world: int, trap: int, time: wp.float64
-    ) -> wp.vec4:
+    def gliding(law: TrapConstants, kept: wp.vec4, glide: Glide, time: wp.float64) -> wp.vec4:
         """Equilibrium point [µm] and power [mW] of a trap that glides, of which the command is kept."""
-        return anchored(law, glided(control, world, trap, kept, time))
+        return anchored(law, glided(glide, kept, time))
 
     return gliding if f.gliding_traps else still
 

@@ -25,6 +25,7 @@ from otwarp.kernels.optics.trap_command import anchor_of, trap_command_term
 from otwarp.kernels.optics.traps import (
     LAYER_NAMES,
     commanded_still,
+    glide_of,
     glided,
     table_name,
     trap_force_term,
@@ -225,7 +226,7 @@ def pull_of_kept_term(f: Features) -> wp.Function:
         for trap in range(wp.static(f.traps)):
             aim = kept_aim(body, trap)
             if wp.static(f.gliding_traps):
-                aim.anchor = point_of(glided(control, world, trap, body.aims[trap], time))
+                aim.anchor = point_of(glided(glide_of(control, world, trap), body.aims[trap], time))
             force = pulled(model, world, aim, trap, place, radius, element, force)
         return force
 

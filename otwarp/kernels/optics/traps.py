@@ -15,7 +15,7 @@ import warp as wp
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.keyframes import Piece, find_key, find_key_from, key_weight
 from otwarp.kernels.core.packed import beside, point_of, power_of
-from otwarp.kernels.core.types import ControlData, TrapConstants, TrapData, world_row
+from otwarp.kernels.core.types import ControlData, Glide, TrapConstants, TrapData, world_row
 from otwarp.kernels.optics.exact import exact_force_term
 from otwarp.kernels.optics.force_table import blend_weight, table_stiffness_term, table_term
 from otwarp.kernels.optics.trap_laws import (
@@ -241,9 +241,15 @@ def commanded_still(traps: TrapData, control: ControlData, world: int, trap: int
 
 
 @wp.func
-def glided(control: ControlData, world: int, trap: int, command: wp.vec4, time: wp.float64) -> wp.vec4:
+def glide_of(control: ControlData, world: int, trap: int) -> Glide:
+    """How the focus of a trap is commanded to go on."""
+    return Glide(control.trap_velocity[world, trap], control.trap_since[world])
+
+
+@wp.func
+def glided(glide: Glide, command: wp.vec4, time: wp.float64) -> wp.vec4:
     """A command with the focus [µm] as far as its velocity has taken it at `time` [s]."""
-    way = wp.float32(time - control.trap_since[world]) * control.trap_velocity[world, trap]
+    way = wp.float32(time - glide.since) * glide.velocity
     return beside(point_of(command) + way, power_of(command))
 
 
