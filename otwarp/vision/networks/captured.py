@@ -93,7 +93,9 @@ class CapturedSteps:
         with self._unchanged():
             warm_up(lambda: self.step(index, self.share), device)
         graph = torch_library().cuda.CUDAGraph()
-        graph.register_generator_state(self.random)
+        # torch puts the numbers that a graph keeps of a generator on the GPU that is current
+        with torch_library().cuda.device(device):
+            graph.register_generator_state(self.random)
         self.optimiser.zero_grad(set_to_none=True)
         return graph, index, capture(graph, lambda: self.step(index, self.share), device)
 

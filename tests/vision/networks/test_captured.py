@@ -48,9 +48,14 @@ def test_they_go_on_to_the_bit(smoke: Path, tmp_path: Path, device: str) -> None
     assert losses(smoke, tmp_path / "parts", device) == whole[1:]
 
 
-def test_capturing_changes_nothing(device: str) -> None:
+@pytest.mark.parametrize("last", [False, True], ids=["its GPU", "another GPU than the current one"])
+def test_capturing_changes_nothing(device: str, last: bool) -> None:
     import torch
 
+    if last:
+        if torch.cuda.device_count() < 2:
+            pytest.skip("there is one GPU: none is another than the current one")
+        device = f"cuda:{torch.cuda.device_count() - 1}"
     torch.manual_seed(0)
     network = torch.nn.Sequential(torch.nn.Linear(4, 8), torch.nn.BatchNorm1d(8), torch.nn.Linear(8, 1)).to(device)
     optimiser = torch.optim.Adam(network.parameters(), lr=1e-2, fused=True)
