@@ -1,6 +1,7 @@
 """Linear interpolation of time samples on the device against NumPy's."""
 
 import numpy as np
+import pytest
 import warp as wp
 
 from otwarp.kernels.core.keyframes import find_key, find_key_from, key_weight
@@ -35,6 +36,39 @@ def test_interpolation_is_that_of_numpy(device):
     expected = np.interp(asked, times[first : last + 1], values[first : last + 1])
     # float32 weights and values of order 1
     np.testing.assert_allclose(got, expected, atol=1e-6)
+
+
+@wp.kernel(enable_backward=False)
+def look_up(
+    times: wp.array(dtype=wp.float64), first: int, last: int, time: wp.array(dtype=wp.float64),
+    out: wp.array(dtype=int),
+):  # fmt: skip
+    i = wp.tid()
+    out[i] = find_key(times, first, last, time[i])
+
+
+RNG = np.random.default_rng(4)
+LADDERS = {
+    "even": np.linspace(0.0, 5.0, 257),
+    "more than float32 counts": 0.25 * np.arange(2**25 + 3, dtype=float),
+    "late": 1e7 + 1e-3 * np.arange(100),
+    "uneven": np.cumsum(RNG.lognormal(0.0, 3.0, 300)),
+    "jumps": np.repeat(np.linspace(0.0, 1.0, 20), 2),
+    "two": np.array([1.0, 3.0]),
+    "no time between": np.array([2.0, 2.0, 2.0]),
+}
+
+
+@pytest.mark.parametrize("times", LADDERS.values(), ids=LADDERS.keys())
+def test_a_key_is_that_of_a_search(times, device):
+    """At the samples, a little before and after, between them and outside: guessed or not."""
+    some = RNG.choice(times, 300)
+    asked = np.concatenate([some, np.nextafter(some, -np.inf), np.nextafter(some, np.inf),
+                            RNG.uniform(times[0] - 1.0, times[-1] + 1.0, 300)])  # fmt: skip
+    last = len(times) - 1
+    given = [wp.array(times, dtype=wp.float64, device=device), 0, last]
+    (got,) = evaluate(look_up, len(asked), [*given, wp.array(asked, dtype=wp.float64, device=device)], [int], device)
+    np.testing.assert_array_equal(got, np.clip(np.searchsorted(times, asked, side="right") - 1, 0, last - 1))
 
 
 def test_weights_stay_exact_late_in_a_run(device):
