@@ -12,6 +12,7 @@ from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity, thermal_energy_of
 from otwarp.kernels.core.noise import six_deviates_term
 from otwarp.kernels.core.packed import point_of, radius_of
+from otwarp.kernels.core.reads import mat66_at
 from otwarp.kernels.core.rotation import rotate_by, rotation_matrix
 from otwarp.kernels.core.types import ControlData, ModelData, Pose, RigidConstants, StateData, mat66, vec6
 from otwarp.kernels.core.worlds import number_term
@@ -100,7 +101,7 @@ def rigid_constants_term(f: Features) -> wp.Function:
         body = RigidConstants()
         shape = model.body.shape[b]
         scale = step_over_viscosity(model, world)
-        m = model.body.mobility[shape]
+        m = mat66_at(model.body.mobility, shape)
         body.translation = packed(m, 0, 0, scale)
         body.coupling = packed(m, 3, 0, scale)
         body.rotation = packed(m, 3, 3, scale)

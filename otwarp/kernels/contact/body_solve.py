@@ -28,6 +28,7 @@ from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity
 from otwarp.kernels.core.packed import beside, point_of
 from otwarp.kernels.core.periodic import image_shift
+from otwarp.kernels.core.reads import put_strided_vec4
 from otwarp.kernels.core.rotation import rotation_matrix
 from otwarp.kernels.core.rounding import PRECISION
 from otwarp.kernels.core.team import ALONE, Team, team_of
@@ -313,6 +314,12 @@ def open_gaps_term(f: Features) -> wp.Function:
     size_of, lane_of = team.size, team.lane
 
     @wp.func
+    def beyond(free: vec6, drift: vec6) -> Move:
+        """The free move without its drift [µm, rad]."""
+        apart = free - drift
+        return Move(linear_part(apart), angular_part(apart))
+
+    @wp.func
     def open_gaps(
         listed: ContactList, count: int, again: bool, linear: wp.array(dtype=wp.vec3), angular: wp.array(dtype=wp.vec3),
         free: wp.array(dtype=vec6), drift: wp.array(dtype=vec6),
@@ -321,18 +328,39 @@ def open_gaps_term(f: Features) -> wp.Function:
 
         These are the noise in the first stage, and whole moves in the second, where contacts that push are lifted, too.
         """
-        for i in range(lane_of(), count, size_of()):
-            c = face(listed, i)
-            other = wp.max(c.b, 0)
-            opening = opening_of(c, Move(linear[c.a], angular[c.a]), Move(linear[other], angular[other]))
+        i = lane_of()
+        ahead = face(listed, wp.min(i, count - 1))
+        wander_ahead = listed.path[wp.min(i, count - 1)][0]
+        while i < count:
+            a = ahead.a
+            b = ahead.b
+            other = wp.max(b, 0)
+            move_a = Move(linear[a], angular[a])
+            move_b = Move(linear[other], angular[other])
+            lift_a = Move()
+            lift_b = Move()
             if wp.static(f.bends):
-                if listed.path[i][0] > 0.0 or (again and load_at(listed, i) != 0.0):
-                    a = free[c.a] - drift[c.a]
-                    b = free[other] - drift[other]
-                    opening += lift_of(
-                        c, Move(linear_part(a), angular_part(a)), Move(linear_part(b), angular_part(b))
-                    )  # fmt: skip
-            listed.face[i] = beside(c.normal, opening)
+                lift_a = beyond(free[a], drift[a])
+                lift_b = beyond(free[other], drift[other])
+            # neighbours in the list are contacts of the same bodies, whose moves are read once
+            joined = bool(True)
+            while joined:
+                c = ahead
+                wander = wander_ahead
+                # read before this one is worked out: the memory of a GPU is far away
+                ahead = face(listed, wp.min(i + size_of(), count - 1))
+                if wp.static(f.bends):
+                    wander_ahead = listed.path[wp.min(i + size_of(), count - 1)][0]
+                opening = opening_of(c, move_a, move_b)
+                if wp.static(f.bends):
+                    lifted = wander > 0.0
+                    if again and not lifted:
+                        lifted = load_at(listed, i) != 0.0
+                    if lifted:
+                        opening += lift_of(c, lift_a, lift_b)
+                put_strided_vec4(listed.face, i, beside(c.normal, opening))
+                i += size_of()
+                joined = i < count and ahead.a == a and ahead.b == b
 
     return open_gaps
 

@@ -14,6 +14,8 @@ contact does not limit the time step. Every λ acts on both bodies with opposite
 
 import warp as wp
 
+from otwarp.kernels.core.reads import mat66_at
+from otwarp.kernels.core.roots import square_root
 from otwarp.kernels.core.rounding import PI
 from otwarp.kernels.core.types import BodyData, ContactData, Move, mat66, vec6
 
@@ -102,10 +104,10 @@ def hertz_dmt(overlap: float, radius: float, compliance: float, adhesion: float,
         reach: gap over which the adhesion fades [µm].
     """
     pull = 2.0 * PI * radius * adhesion
-    hardness = 4.0 / 3.0 * wp.sqrt(radius) / compliance
+    hardness = 4.0 / 3.0 * square_root(radius) / compliance
     result = PairForce(0.0, 0.0, -pull, hardness)
     if overlap > 0.0:
-        root = wp.sqrt(overlap)
+        root = square_root(overlap)
         result.force = hardness * root * overlap - pull
         result.stiffness = 1.5 * hardness * root
     elif overlap > -reach:
@@ -146,7 +148,7 @@ def overlap_alone(hardness: float, give: float, reach: float) -> float:
     from above, no further than a factor of two from the root, come down on it without crossing it.
     """
     a = give * hardness
-    w = wp.sqrt(reach)
+    w = square_root(reach)
     if a > 0.0:
         w = wp.min(w, wp.pow(reach / a, 1.0 / 3.0))
     for _ in range(5):
@@ -170,17 +172,17 @@ def anticipate(c: Contact, opening: float) -> Contact:
     """
     if c.hardness > 0.0:
         reach = c.overlap - opening - c.give * c.floor
-        start = wp.sqrt(wp.max(c.overlap, 0.0))
+        start = square_root(wp.max(c.overlap, 0.0))
         end = float(0.0)
         if reach > wp.max(c.overlap, 0.0) + c.give * c.hardness * start * start * start:
-            end = wp.sqrt(overlap_alone(c.hardness, c.give, reach))
+            end = square_root(overlap_alone(c.hardness, c.give, reach))
         if c.overlap > 0.0:
             end = wp.max(end, start)
             c.force = c.floor + c.hardness * start * start * start
             c.stiffness = c.hardness * (end * end + end * start + start * start) / (end + start)
         else:
             if end == 0.0:
-                end = wp.sqrt(FIRST_OVERLAP * c.radius)
+                end = square_root(FIRST_OVERLAP * c.radius)
             c.stiffness = c.hardness * end
             c.force = c.floor + c.stiffness * c.overlap
     return c
@@ -195,7 +197,7 @@ def law_error(c: Contact, overlap: float, enough: float) -> float:
     """
     error = float(0.0)
     if c.hardness > 0.0:
-        root = wp.sqrt(wp.max(overlap, 0.0))
+        root = square_root(wp.max(overlap, 0.0))
         excess = wp.max(c.load - c.floor, 0.0)
         missing = wp.abs(c.hardness * root * root * root - excess) * c.give
         error = missing / (1.0 + 1.5 * c.hardness * root * c.give)
@@ -210,7 +212,7 @@ def law_error(c: Contact, overlap: float, enough: float) -> float:
 @wp.func
 def tangent_at(c: Contact, overlap: float) -> Contact:
     """The contact with the tangent to F(δ) at `overlap` [µm] in place of its line (Newton's step)."""
-    root = wp.sqrt(wp.max(overlap, 0.0))
+    root = square_root(wp.max(overlap, 0.0))
     if root > 0.0:
         c.stiffness = 1.5 * c.hardness * root
         c.force = c.floor + c.hardness * root * root * root + c.stiffness * (c.overlap - overlap)
@@ -220,7 +222,7 @@ def tangent_at(c: Contact, overlap: float) -> Contact:
 @wp.func
 def hardest(radius: float, give: float) -> float:
     """Hardness K [pN/µm^{3/2}] of a contact of κ = `HARDEST`: of effective radius [µm] and give [µm/pN]."""
-    return HARDEST / (1.5 * wp.sqrt(FIRST_OVERLAP * radius) * give)
+    return HARDEST / (1.5 * square_root(FIRST_OVERLAP * radius) * give)
 
 
 @wp.func
@@ -234,7 +236,7 @@ def rigid_response(body: BodyData, b: int, q: wp.quat, scale: float, arm: wp.vec
     """Move [µm, rad] of a rigid body by `force` [pN] at `arm` [µm] acting for one step; `scale` = dt/η [µm²/pN]."""
     f = wp.quat_rotate_inv(q, force)
     t = wp.quat_rotate_inv(q, wp.cross(arm, force))
-    v = scale * (body.mobility[body.shape[b]] * vec6(f[0], f[1], f[2], t[0], t[1], t[2]))
+    v = scale * (mat66_at(body.mobility, body.shape[b]) * vec6(f[0], f[1], f[2], t[0], t[1], t[2]))
     return Move(
         wp.quat_rotate(q, wp.vec3(v[0], v[1], v[2])),
         wp.quat_rotate(q, wp.vec3(v[3], v[4], v[5])),

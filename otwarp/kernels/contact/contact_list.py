@@ -10,6 +10,8 @@ from otwarp.kernels.contact.contact import Contact
 from otwarp.kernels.core.faults import Fault, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.packed import beside, curvature_of, point_of
+from otwarp.kernels.core.reads import put_strided_vec4, strided_vec4_at
+from otwarp.kernels.core.roots import square_root
 from otwarp.kernels.core.team import count_below, team_of
 from otwarp.kernels.core.types import ReadoutData
 
@@ -56,12 +58,12 @@ def put_term(f: Features) -> wp.Function:
             return count
         if wp.static(f.body_space):
             listed.pair[count] = wp.vec2i(c.a, c.b)
-            listed.face[count] = beside(c.normal, 0.0)
-            listed.law[count] = wp.vec4(c.overlap, c.hardness, c.give, c.floor)
+            put_strided_vec4(listed.face, count, beside(c.normal, 0.0))
+            put_strided_vec4(listed.law, count, wp.vec4(c.overlap, c.hardness, c.give, c.floor))
             listed.path[count] = wp.vec2(c.wander, c.layer)
             listed.depth[count] = 0.0
-            listed.arm_a[count] = beside(c.arm_a, c.radius)
-            listed.arm_b[count] = beside(c.arm_b, c.curvature)
+            put_strided_vec4(listed.arm_a, count, beside(c.arm_a, c.radius))
+            put_strided_vec4(listed.arm_b, count, beside(c.arm_b, c.curvature))
             if wp.static(has_ridges(f)):
                 listed.ridge[count] = c.ridge
             if wp.static(f.moving_obstacles):
@@ -99,7 +101,9 @@ class Entry:
 @wp.func
 def entry_at(listed: ContactList, i: int) -> Entry:
     """Entry i with the fields and units of `ContactList`, read at once so that loads do not wait for each other."""
-    return Entry(listed.pair[i], listed.face[i], listed.law[i], listed.path[i], listed.depth[i])
+    return Entry(
+        listed.pair[i], strided_vec4_at(listed.face, i), strided_vec4_at(listed.law, i), listed.path[i], listed.depth[i]
+    )
 
 
 @wp.func
@@ -129,11 +133,11 @@ def face_term(f: Features) -> wp.Function:
         """Bodies, normal, arms, curvature, ridge and drift."""
         c = Contact()
         pair = listed.pair[i]
-        arm_b = listed.arm_b[i]
+        arm_b = strided_vec4_at(listed.arm_b, i)
         c.a = pair[0]
         c.b = pair[1]
-        c.normal = point_of(listed.face[i])
-        c.arm_a = point_of(listed.arm_a[i])
+        c.normal = point_of(strided_vec4_at(listed.face, i))
+        c.arm_a = point_of(strided_vec4_at(listed.arm_a, i))
         c.arm_b = point_of(arm_b)
         c.curvature = curvature_of(arm_b)
         if wp.static(has_ridges(f)):
@@ -148,9 +152,9 @@ def face_term(f: Features) -> wp.Function:
 @wp.func
 def load_at(listed: ContactList, i: int) -> float:
     """Load of contact i [pN], from the depth that carries it."""
-    law = law_of(listed.law[i], wp.vec2())
+    law = law_of(strided_vec4_at(listed.law, i), wp.vec2())
     depth = listed.depth[i]
-    return law.floor + law.hardness * depth * wp.sqrt(depth)
+    return law.floor + law.hardness * depth * square_root(depth)
 
 
 def solved_term(f: Features) -> wp.Function:

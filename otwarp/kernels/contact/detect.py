@@ -34,6 +34,8 @@ from otwarp.kernels.core.faults import OVERLAP_LIMIT, Fault, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity
 from otwarp.kernels.core.packed import point_of, radius_of
+from otwarp.kernels.core.reads import vec4_at
+from otwarp.kernels.core.roots import direction_of, length_of
 from otwarp.kernels.core.team import count_below, team_of
 from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData
 
@@ -94,11 +96,11 @@ def touch_term(f: Features) -> wp.Function:
     ) -> Contact:  # fmt: skip
         """Normal, overlap and effective radius [µm] of two spheres of radii ri, rj; a fault if they overlap too far."""
         way = pose_a.position - pose_b.position + arm_a - arm_b
-        overlap = ri + rj - wp.length(way)
+        overlap = ri + rj - length_of(way)
         if overlap > OVERLAP_LIMIT * wp.min(ri, rj):
             raise_fault(readout, world, a, wp.static(int(Fault.OVERLAP)), step)
         radius = ri * rj / (ri + rj)
-        c = new_contact(model, world, a, b, pose_a, pose_b, arm_a, arm_b, wp.normalize(way), radius, overlap)
+        c = new_contact(model, world, a, b, pose_a, pose_b, arm_a, arm_b, direction_of(way), radius, overlap)
         c.curvature = 1.0 / (ri + rj)
         return c
 
@@ -111,7 +113,7 @@ def element_term(f: Features) -> wp.Function:
     @wp.func
     def element(model: ModelData, i: int, rotation: wp.quat) -> Segment:
         """Centre of a sphere, or middle and half of a rod [µm], from the body's reference point in world axes."""
-        s = model.contact.sphere[i]
+        s = vec4_at(model.contact.sphere, i)
         rod = Segment(wp.quat_rotate(rotation, point_of(s)), wp.vec3(0.0))
         if wp.static(f.rods):
             rod.half = wp.quat_rotate(rotation, model.contact.half[i])
@@ -143,13 +145,13 @@ def sphere_pair_term(f: Features) -> wp.Function:
         listed: ContactList, count: int, step: wp.int64,
     ) -> int:  # fmt: skip
         """Two spheres at once: each thread of the team finds out whether its own touch."""
-        ri = radius_of(model.contact.sphere[i])
-        rj = radius_of(model.contact.sphere[j])
+        ri = radius_of(vec4_at(model.contact.sphere, i))
+        rj = radius_of(vec4_at(model.contact.sphere, j))
         near = bool(wanted)
         if near:
             way = pose_a.position - pose_b.position + rod_a.centre - rod_b.centre
             closing = closing_of(move_a, move_b, rod_a.centre, rod_b.centre, way)
-            near = wp.length(way) < ri + rj + reach + closing
+            near = length_of(way) < ri + rj + reach + closing
         votes = votes_of(near)
         if near:
             c = touch(model, readout, world, a, b, pose_a, pose_b, rod_a.centre, rod_b.centre, ri, rj, step)
@@ -172,17 +174,17 @@ def rod_pair_term(f: Features) -> wp.Function:
         listed: ContactList, count: int, step: wp.int64,
     ) -> int:  # fmt: skip
         """A rod at the point nearest to a sphere; two rods at their valley of nearest points."""
-        ri = radius_of(model.contact.sphere[i])
-        rj = radius_of(model.contact.sphere[j])
+        ri = radius_of(vec4_at(model.contact.sphere, i))
+        rj = radius_of(vec4_at(model.contact.sphere, j))
         between = pose_a.position - pose_b.position
         # all relative to the reference point of a, so that a place far from the origin costs no digits
         other = Segment(rod_b.centre - between, rod_b.half)
-        apart = wp.length(rod_a.centre - other.centre) - wp.length(rod_a.half) - wp.length(other.half)
+        apart = length_of(rod_a.centre - other.centre) - length_of(rod_a.half) - length_of(other.half)
         ahead = free_travel(model, a, move_a) + free_travel(model, b, move_b)
         if wanted and apart < ri + rj + reach + ahead:
             single = wp.length_sq(rod_a.half) == 0.0 or wp.length_sq(rod_b.half) == 0.0
             v = valley(model.obstacles, 0, other, rod_a, 0, 1, 0.0)
-            merge = MERGE * ri / wp.max(wp.length(rod_a.half), 1.0e-30)
+            merge = MERGE * ri / wp.max(length_of(rod_a.half), 1.0e-30)
             for choice in range(3):
                 t = valley_t(v, choice)
                 counts = valley_counts(v, choice, merge)
@@ -193,7 +195,7 @@ def rod_pair_term(f: Features) -> wp.Function:
                     point = place_on(rod_a, t)
                     facing = place_on(other, nearest_t(other, point))
                     closing = closing_of(move_a, move_b, point, facing + between, point - facing)
-                    if wp.length(point - facing) < ri + rj + reach + closing:
+                    if length_of(point - facing) < ri + rj + reach + closing:
                         c = touch(model, readout, world, a, b, pose_a, pose_b, point, facing + between, ri, rj, step)
                         c = beside_rod(beside_rod(c, rod_a.half), rod_b.half)
                         c = excursion(model, world, c, opening_of(c, move_a, move_b), i, j, choice, step)
@@ -213,7 +215,7 @@ def pair_reach_term(f: Features) -> wp.Function:
         """Gap [µm] within which contacts are listed whether or not the moves close it; −1 for bodies too far apart."""
         reach = pair_reach(model.contact, a, b) + pushed
         far = reach + free_travel(model, a, move_a) + free_travel(model, b, move_b)
-        apart = wp.length(pose_a.position - pose_b.position)
+        apart = length_of(pose_a.position - pose_b.position)
         return wp.where(apart < model.body.bound[a] + model.body.bound[b] + far, reach, -1.0)
 
     return reach_of_pair
@@ -247,10 +249,10 @@ def pair_contacts_term(f: Features) -> wp.Function:
             i = wp.min(first_a + lane_a, last_a)
             rod_a = element(model, i, pose_a.rotation)
             # one element against the bounding sphere of b, before its elements one by one
-            size = radius_of(model.contact.sphere[i])
+            size = radius_of(vec4_at(model.contact.sphere, i))
             if wp.static(f.rods):
-                size += wp.length(rod_a.half)
-            near = first_a + lane_a <= last_a and wp.length(between + rod_a.centre) < size + model.body.bound[b] + far
+                size += length_of(rod_a.half)
+            near = first_a + lane_a <= last_a and length_of(between + rod_a.centre) < size + model.body.bound[b] + far
             if votes_of(near) != 0:
                 for first_b in range(model.contact.start[b], last_b + 1, wp.where(several, size_of(), 1)):
                     j = wp.min(first_b + lane_b, last_b)

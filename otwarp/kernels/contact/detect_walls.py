@@ -23,6 +23,7 @@ from otwarp.kernels.core.faults import OVERLAP_LIMIT, Fault, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.packed import curvature_of, distance_of, point_of, radius_of
 from otwarp.kernels.core.periodic import image_shift
+from otwarp.kernels.core.roots import length_of
 from otwarp.kernels.core.team import count_below, team_of
 from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData
 
@@ -81,7 +82,7 @@ def rod_wall_term(f: Features) -> wp.Function:
         """At the valley of its distance to the obstacle, piece by piece; `far` [µm]: how far a mesh answers."""
         radius = radius_of(model.contact.sphere[i])
         still = Move(wp.vec3(0.0), wp.vec3(0.0))
-        merge = MERGE * radius / wp.length(rod.half)
+        merge = MERGE * radius / length_of(rod.half)
         pieces = pieces_of(model.obstacles, o)
         for piece in range(pieces):
             v = valley(model.obstacles, o, inside, inside, piece, pieces, far)
@@ -129,7 +130,7 @@ def element_wall_term(f: Features) -> wp.Function:
         local = wp.quat_rotate_inv(wall.rotation, pose.position + rod.centre - wall.position)
         half = float(0.0)
         if wp.static(f.rods):
-            half = wp.length(rod.half)
+            half = length_of(rod.half)
         far = radius + half + reach + free_travel(model, a, move)
         still = Move(wp.vec3(0.0), wp.vec3(0.0))
         hit = distance_to(model.obstacles, o, local, far)
@@ -194,9 +195,9 @@ def wall_reach_term(f: Features) -> wp.Function:
         centre = wp.quat_rotate_inv(wall.rotation, pose.position - wall.position)
         if wp.static(f.moving_obstacles):
             if model.obstacles.key_start[o + 1] - model.obstacles.key_start[o] > 1:
-                reach += obstacle_travel(wall, later, wp.length(centre) + model.body.bound[a])
+                reach += obstacle_travel(wall, later, length_of(centre) + model.body.bound[a])
         bound = model.body.bound[a] + reach + free_travel(model, a, move)
-        near = wp.length(centre) < bound + model.obstacles.bound[o]
+        near = length_of(centre) < bound + model.obstacles.bound[o]
         if near:
             # the body's bounding sphere against the true shape, before its elements one by one
             near = distance_of(distance_to(model.obstacles, o, centre, bound)) < bound

@@ -114,7 +114,7 @@ def excursion_term(f: Features) -> wp.Function:
                 stream = wp.static(wp.uint32(Stream.CONTACT)) + (wp.uint32(high) << wp.uint32(8))
                 words = noise_words(model.seed, stream, step, number(model, world), low)
                 c.wander = variance * squared_radius(words[which])
-                c.layer = depth * layer_depth(1.5 * c.hardness * wp.sqrt(depth) * c.give, c.overlap)
+                c.layer = depth * layer_depth(1.5 * c.hardness * square_root(depth) * c.give, c.overlap)
         return c
 
     return excursion if f.brownian else still
@@ -161,10 +161,10 @@ def path_tangent(c: Contact, apart: float) -> Contact:
     place = float(apart)
     end = FIRST_OVERLAP * c.radius
     excess = float(0.0)
-    yields = c.give * c.hardness * wp.sqrt(end)
+    yields = c.give * c.hardness * square_root(end)
     if reach > 0.0:
         end = overlap_alone(c.hardness, c.give, reach)
-        yields = c.give * c.hardness * wp.sqrt(end)
+        yields = c.give * c.hardness * square_root(end)
         excess = yields * end
         yields *= 1.5
     else:

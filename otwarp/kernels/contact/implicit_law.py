@@ -52,7 +52,7 @@ def depth_at(c: Contact, opening: float, guess: float) -> Depth:
         quarter = 0.25 * c.wander
         yields = c.give * c.hardness
         begin = c.layer - c.overlap
-        if (yields * d.value * wp.sqrt(d.value) + d.value + begin) * (opening + d.value + begin) < quarter:
+        if (yields * d.value * square_root(d.value) + d.value + begin) * (opening + d.value + begin) < quarter:
             least = d.value
             depth = wp.max(guess, least)
             for _ in range(DEPTH_ROUNDS):

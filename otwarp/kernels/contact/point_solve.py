@@ -16,7 +16,8 @@ from otwarp.kernels.contact.point_gather import column, gather_term, table
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity
 from otwarp.kernels.core.periodic import image_shift
-from otwarp.kernels.core.roots import reciprocal_root
+from otwarp.kernels.core.reads import mat66_at
+from otwarp.kernels.core.roots import length_of, reciprocal_root
 from otwarp.kernels.core.rotation import rotation_matrix
 from otwarp.kernels.core.team import first_of
 from otwarp.kernels.core.types import ModelData, mat66
@@ -48,16 +49,20 @@ def partners_term(f: Features) -> wp.Function:
     @wp.func
     def own_partners(model: ModelData, listed: ContactList, count: int) -> int:
         """The partners by every so many contacts, those of one thread of the team."""
+        turns = int(0)
+        for b in range(wp.static(f.bodies)):
+            turns = turns | wp.where(turning(model, b), 1 << b, 0)
         partners = int(0)
         for i in range(lane_of(), count, size_of()):
             pair = listed.pair[i]
             a = pair[0]
             b = pair[1]
-            if turning(model, a):
-                if b < 0 or turning(model, wp.max(b, 0)):
+            other_turns = b >= 0 and (turns >> wp.max(b, 0)) & 1 != 0
+            if (turns >> a) & 1 != 0:
+                if b < 0 or other_turns:
                     return MANY
                 partners = joined(partners, a, b)
-            elif b >= 0 and turning(model, wp.max(b, 0)):
+            elif other_turns:
                 partners = joined(partners, b, a)
             if partners == MANY:
                 return MANY
@@ -164,7 +169,7 @@ def point_drag_term(f: Features) -> wp.Function:
         drag = wp.mat33(0.0)
         give = float(0.0)
         if turning(model, b):
-            mobility = scale * point_mobility(model.body.mobility[shape], rotation[b], arm)
+            mobility = scale * point_mobility(mat66_at(model.body.mobility, shape), rotation[b], arm)
             inverse = inverse_root(mobility)
             drag = wp.transpose(inverse) * inverse
             give = wp.max(mobility[0, 0], wp.max(mobility[1, 1], mobility[2, 2]))
@@ -280,7 +285,7 @@ def solve_points_term(f: Features) -> wp.Function:
                 error = float(0.0)
                 for k in range(wp.static(bodies)):
                     left = wp.vec3(right[3 * k], right[3 * k + 1], right[3 * k + 2])
-                    error = wp.max(error, wp.length(left) * gives[k])
+                    error = wp.max(error, length_of(left) * gives[k])
                 if error <= BALANCED:
                     error = 0.0
                 if error == 0.0 or round == ROUNDS - 1:

@@ -4,6 +4,7 @@ import warp as wp
 
 from otwarp.kernels.contact.contact import rigid_response, sphere_response
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.reads import mat66_at
 from otwarp.kernels.core.types import ModelData, Move, Pose, vec6
 from otwarp.kernels.hydrodynamics.walls import walled_sphere_response_term
 from otwarp.kernels.hydrodynamics.walls_rigid import walled_rigid_response_term
@@ -62,7 +63,7 @@ def give_term(f: Features) -> wp.Function:
                 n = wp.quat_rotate_inv(pose.rotation, normal)
                 t = wp.quat_rotate_inv(pose.rotation, wp.cross(arm, normal))
                 wrench = vec6(n[0], n[1], n[2], t[0], t[1], t[2])
-                mobility = wp.dot(wrench, model.body.mobility[shape] * wrench)
+                mobility = wp.dot(wrench, mat66_at(model.body.mobility, shape) * wrench)
         if not turns:
             mobility = model.body.translation[shape]
         return scale * mobility

@@ -6,21 +6,22 @@ from otwarp.kernels.contact.contact import Contact, along
 from otwarp.kernels.contact.excursion import FARTHEST
 from otwarp.kernels.core.faults import finite
 from otwarp.kernels.core.medium import thermal_energy_of, viscosity_of
-from otwarp.kernels.core.roots import reciprocal, square_root
+from otwarp.kernels.core.reads import mat66_at
+from otwarp.kernels.core.roots import direction_of, length_of, reciprocal, square_root
 from otwarp.kernels.core.types import ModelData, Move, Pose
 
 
 @wp.func
 def free_travel(model: ModelData, b: int, move: Move) -> float:
     """How far any point of a body moves in one step at most without contacts [µm]; 0 for a move that is a fault."""
-    travel = wp.length(move.linear) + wp.length(move.angular) * model.body.bound[b]
+    travel = length_of(move.linear) + length_of(move.angular) * model.body.bound[b]
     return wp.where(finite(move.linear) and finite(move.angular), travel, 0.0)
 
 
 @wp.func
 def closing_of(move_a: Move, move_b: Move, arm_a: wp.vec3, arm_b: wp.vec3, way: wp.vec3) -> float:
     """How far the free moves close the gap between the points at the arms [µm]; `way` leads from b to a."""
-    n = wp.normalize(way)
+    n = direction_of(way)
     return wp.max(along(move_b, arm_b, n) - along(move_a, arm_a, n), 0.0)
 
 
@@ -44,8 +45,8 @@ def obstacle_drift(wall: Pose, later: Pose, point: wp.vec3) -> wp.vec3:
 def obstacle_travel(wall: Pose, later: Pose, distance: float) -> float:
     """How far points within `distance` of an obstacle's origin move in one step at most [µm]."""
     turn = wp.quat_inverse(wall.rotation) * later.rotation
-    chord = 2.0 * wp.length(wp.vec3(turn[0], turn[1], turn[2]))
-    return wp.length(later.position - wall.position) + chord * distance
+    chord = 2.0 * length_of(wp.vec3(turn[0], turn[1], turn[2]))
+    return length_of(later.position - wall.position) + chord * distance
 
 
 @wp.func
@@ -82,7 +83,7 @@ def wander_of(model: ModelData, world: int, b: int) -> float:
     shape = model.body.shape[b]
     mobility = float(0.0)
     if model.body.rigid[b] != 0:
-        m = model.body.mobility[shape]
+        m = mat66_at(model.body.mobility, shape)
         bound = model.body.bound[b]
         mobility = wp.max(m[0, 0], wp.max(m[1, 1], m[2, 2]))
         mobility += wp.max(m[3, 3], wp.max(m[4, 4], m[5, 5])) * bound * bound
@@ -96,4 +97,4 @@ def wander_of(model: ModelData, world: int, b: int) -> float:
 @wp.func
 def thermal_reach(variance: float) -> float:
     """Gap that a path of that variance may close and open again within a step [µm]."""
-    return FARTHEST * wp.sqrt(variance)
+    return FARTHEST * square_root(variance)

@@ -1,9 +1,12 @@
 """Reads of contiguous arrays, without the strides and negative indices of Warp: a dozen instructions fewer each.
 
-Neighbouring elements share an address, and CUDA reads four numbers at once.
+Neighbouring elements share an address, and CUDA reads four numbers at once; also those of a row of another array, and
+writes them.
 """
 
 import warp as wp
+
+from otwarp.kernels.core.types import mat66
 
 
 @wp.func_native("""
@@ -15,6 +18,42 @@ import warp as wp
 """)
 def vec4_at(rows: wp.array(dtype=wp.vec4), n: int) -> wp.vec4:
     """Row n of an array of its own, which Warp begins at a multiple of 16 bytes; in the array's units."""
+    ...
+
+
+@wp.func_native("""
+    auto row = reinterpret_cast<char*>(rows.data) + n * static_cast<long long>(rows.strides[0]);
+#if defined(__CUDA_ARCH__)
+    row = static_cast<char*>(__builtin_assume_aligned(row, 16));
+#endif
+    return *reinterpret_cast<decltype(rows.data)>(row);
+""")
+def strided_vec4_at(rows: wp.array(dtype=wp.vec4), n: int) -> wp.vec4:
+    """Row n of a view of an array of its own, whose rows need not be neighbours; in the array's units."""
+    ...
+
+
+@wp.func_native("""
+    auto row = reinterpret_cast<char*>(rows.data) + n * static_cast<long long>(rows.strides[0]);
+#if defined(__CUDA_ARCH__)
+    row = static_cast<char*>(__builtin_assume_aligned(row, 16));
+#endif
+    *reinterpret_cast<decltype(rows.data)>(row) = value;
+""")
+def put_strided_vec4(rows: wp.array(dtype=wp.vec4), n: int, value: wp.vec4):
+    """Write row n of such a view."""
+    ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return *reinterpret_cast<const decltype(rows.data)>(__builtin_assume_aligned(rows.data + n, 16));
+#else
+    return rows.data[n];
+#endif
+""")
+def mat66_at(rows: wp.array(dtype=mat66), n: int) -> mat66:
+    """Matrix n of an array of its own, in the array's units."""
     ...
 
 

@@ -36,6 +36,27 @@ def reciprocal_root(x: wp.float32) -> wp.float32:
     ...
 
 
+@wp.func
+def length_of(v: wp.vec3) -> float:
+    """|v|, in its units."""
+    return square_root(wp.dot(v, v))
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    const float square = wp::dot(v, v);
+    float inverse;
+    asm("rsqrt.approx.ftz.f32 %0, %1;" : "=f"(inverse) : "f"(square));
+    return square >= 1.17549435e-38f ? v * inverse : wp::vec_t<3, float>();
+#else
+    return wp::normalize(v);
+#endif
+""")
+def direction_of(v: wp.vec3) -> wp.vec3:
+    """v/|v| [1], relative error at most 2⁻²²; 0 of a vector without length."""
+    ...
+
+
 @wp.func_native("""
 #if defined(__CUDA_ARCH__)
     return cbrtf(x);

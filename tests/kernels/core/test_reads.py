@@ -3,7 +3,8 @@
 import numpy as np
 import warp as wp
 
-from otwarp.kernels.core.reads import index_at, number_at, vec4_at
+from otwarp.kernels.core.reads import index_at, mat66_at, number_at, put_strided_vec4, strided_vec4_at, vec4_at
+from otwarp.kernels.core.types import mat66
 
 
 @wp.kernel(enable_backward=False)
@@ -30,3 +31,36 @@ def test_reads_are_those_of_numpy(device):
     wp.launch(read_all, dim=n, inputs=given, outputs=out, device=device)
     for array, expected in zip(out, (rows, indices, table), strict=True):
         np.testing.assert_array_equal(array.numpy(), expected)
+
+
+@wp.kernel(enable_backward=False)
+def turn_over(rows: wp.array2d(dtype=wp.vec4), out: wp.array2d(dtype=wp.vec4)):
+    """Each row backwards."""
+    i = wp.tid()
+    row = rows[i]
+    back = out[i]
+    length = rows.shape[1]
+    for j in range(length):
+        put_strided_vec4(back, length - 1 - j, strided_vec4_at(row, j))
+
+
+def test_rows_of_other_strides_are_those_of_numpy(device):
+    """One world's entries of an array in which those of neighbouring worlds lie side by side."""
+    numbers = np.random.default_rng(2).normal(size=(7, 5, 4)).astype(np.float32)
+    rows, out = (wp.array(np.swapaxes(n, 0, 1), dtype=wp.vec4, device=device).transpose()
+                 for n in (numbers, np.zeros_like(numbers)))  # fmt: skip
+    wp.launch(turn_over, dim=7, inputs=[rows], outputs=[out], device=device)
+    np.testing.assert_array_equal(out.numpy(), numbers[:, ::-1])
+
+
+@wp.kernel(enable_backward=False)
+def copy_matrices(rows: wp.array(dtype=mat66), out: wp.array(dtype=mat66)):
+    i = wp.tid()
+    out[i] = mat66_at(rows, i)
+
+
+def test_matrices_are_those_of_numpy(device):
+    numbers = np.random.default_rng(3).normal(size=(5, 6, 6)).astype(np.float32)
+    rows, out = (wp.array(n, dtype=mat66, device=device) for n in (numbers, np.zeros_like(numbers)))
+    wp.launch(copy_matrices, dim=5, inputs=[rows], outputs=[out], device=device)
+    np.testing.assert_array_equal(out.numpy(), numbers)

@@ -3,7 +3,14 @@
 import numpy as np
 import warp as wp
 
-from otwarp.kernels.core.roots import cube_root, reciprocal, reciprocal_root, square_root
+from otwarp.kernels.core.roots import (
+    cube_root,
+    direction_of,
+    length_of,
+    reciprocal,
+    reciprocal_root,
+    square_root,
+)
 
 SQUARE_ROOT = RECIPROCAL = 2.0**-23
 CUBE_ROOT = 2.0**-21
@@ -51,3 +58,23 @@ def test_root_of_zero_is_zero(device):
     out = [wp.empty(1, dtype=float, device=device) for _ in range(3)]
     wp.launch(probe, dim=1, inputs=[wp.zeros(1, dtype=float, device=device), *out], device=device)
     assert [float(o.numpy()[0]) for o in out] == [0.0, np.inf, np.inf]
+
+
+@wp.kernel(enable_backward=False)
+def probe_vectors(v: wp.array(dtype=wp.vec3), length: wp.array(dtype=float), direction: wp.array(dtype=wp.vec3)):
+    i = wp.tid()
+    length[i] = length_of(v[i])
+    direction[i] = direction_of(v[i])
+
+
+def test_lengths_and_directions_are_within_a_few_roundings(device):
+    rng = np.random.default_rng(5)
+    v = (rng.normal(size=(20_000, 3)) * 10.0 ** rng.uniform(-12, 12, (20_000, 1))).astype(np.float32)
+    v[0] = 0.0
+    given = wp.array(v, dtype=wp.vec3, device=device)
+    length, direction = wp.empty(len(v), dtype=float, device=device), wp.empty_like(given)
+    wp.launch(probe_vectors, dim=len(v), inputs=[given], outputs=[length, direction], device=device)
+    exact = np.linalg.norm(v.astype(float), axis=1)
+    np.testing.assert_allclose(length.numpy(), exact, rtol=4 * SQUARE_ROOT)
+    wanted = v / np.where(exact > 0.0, exact, 1.0)[:, None]
+    np.testing.assert_allclose(direction.numpy(), wanted, rtol=4 * RECIPROCAL_ROOT, atol=0.0)

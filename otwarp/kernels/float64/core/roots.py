@@ -16,6 +16,18 @@ def reciprocal_root(x: wp.float64) -> wp.float64:
 
 
 @wp.func
+def length_of(v: wp.vec3d) -> wp.float64:
+    """|v|, in its units."""
+    return wp.length(v)
+
+
+@wp.func
+def direction_of(v: wp.vec3d) -> wp.vec3d:
+    """v/|v| [1]; 0 of a vector without length."""
+    return wp.normalize(v)
+
+
+@wp.func
 def cube_root(x: wp.float64) -> wp.float64:
     """∛x of x > 0, as the platform's cbrt has it: relative error at most 2⁻⁵⁰."""
     return wp.cbrt(x)
