@@ -174,12 +174,23 @@ def learnt(
     env: str, seed: int, minutes: float, device: str, **more: Any
 ) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """Result and curve of one training, done now if it has not been; `more` are options of `train_ppo`."""
-    folder = OUT / (f"seed_{seed}" if env == LEARNT else f"delivery_{seed}")
+    folder = OUT / f"{kind_of(env, device)}_{seed}"
     if not (folder / "result.json").is_file():
         asked = {"env": env, "seed": seed, "minutes": minutes, "target": TARGET, "device": device, "out": folder} | more
-        train_ppo.main([word for name, value in asked.items() for word in (f"--{name}", str(value))])
+        result = train_ppo.main([word for name, value in asked.items() for word in (f"--{name}", str(value))])
+        machine = Machine.look(pick_device(device))
+        where = f"Commit {commit()}, {machine.name()}, {machine.cores} cores, load {machine.load} at the end."
+        with written(folder / "result.json", "result.json") as part:
+            part.write_text(json.dumps({**result, "where": where}, indent=1), encoding="utf-8")
     read = [json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in ("result", "curve")]
     return read[0], read[1]
+
+
+def kind_of(env: str, device: str) -> str:
+    """Name of the trainings of an environment: those of the cell delivery on a GPU stand beside those on a CPU."""
+    if env == LEARNT:
+        return "seed"
+    return "delivery_cuda" if device.startswith("cuda") else "delivery"
 
 
 def learnt_table(trainings: dict[int, tuple[dict[str, Any], list[dict[str, Any]]]]) -> str:
@@ -274,10 +285,9 @@ def trained(env: str, given: argparse.Namespace) -> str:
     more = {"envs": given.delivery_envs} if carried and given.delivery_envs else {}
     trainings = {seed: learnt(env, seed, minutes, given.device, **more) for seed in range(seeds)}
     picture = PICTURES[env]
+    picture = picture.with_stem(picture.stem + kind_of(env, given.device).partition("delivery")[2])
     draw(env, trainings, picture if given.write else OUT / picture.name)
-    machine = Machine.look(pick_device(given.device))
-    measured = f"Commit {commit()}, {machine.name()}, {machine.cores} cores, load {machine.load} at the end."
-    return f"{learnt_table(trainings)}\n\n{measured}"
+    return f"{learnt_table(trainings)}\n\n{trainings[0][0]['where']}"
 
 
 def beside(episodes: int, device: str) -> str:
@@ -289,9 +299,9 @@ def beside(episodes: int, device: str) -> str:
     ]
     for said, make in (
         ("both hands on the path, 19 µm/s", Carrier),
-        ("trained, seed 0", lambda: Trained(OUT / "delivery_0" / "policy.pt", task)),
+        ("trained, seed 0", lambda: Trained(OUT / f"{kind_of(CARRIED, device)}_0" / "policy.pt", task)),
     ):
-        found = played(task, f"{CARRIED} {said}", make, episodes, device)
+        found = played(task, f"{kind_of(CARRIED, device)} {said}", make, episodes, device)
         lines.append(f"| {said} | {_rate(found)} | {_time(task, found)} | {_others(task, found)} |")
     return "\n".join(lines)
 
@@ -323,7 +333,8 @@ def main() -> None:
     for name in given.only:
         text = makes[name]()
         print(text, flush=True)
-        page = put_on_page(page, text, BEGIN.format(name), END.format(name))
+        place = kind_of(CARRIED, given.device) if name == "delivery" else name
+        page = put_on_page(page, text, BEGIN.format(place), END.format(place))
         if given.write:
             save_page(PAGE, page)
 
