@@ -160,8 +160,10 @@ def spread(study: AnyStudy, point: int) -> np.ndarray:
 
 def successes(study: AnyStudy, code: np.ndarray, time: np.ndarray, done: np.ndarray) -> np.ndarray:
     """(k, n) how often the event of each probability was seen that the rule looks at."""
-    ran = np.arange(code.shape[-1]) < done[..., None]
     looked = [o for o in study.observables if o.kind == "probability" and study.stop.looks_at(o.name)]
+    if not done.any():
+        return np.zeros((len(looked), len(done)), dtype=np.int64)
+    ran = np.arange(code.shape[-1]) < done[..., None]
     rows = [np.sum(happened(o, code, time, study.ends) & ran, axis=-1) for o in looked]
     return np.array(rows).reshape(len(rows), len(done))
 

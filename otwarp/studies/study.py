@@ -31,7 +31,14 @@ BLOCK_TRIALS = 2**14
 
 BLOCK_WORK = 2**28
 """Steps of a block's trials, each as often as the scene has spheres and rods for each obstacle and the liquid, at most:
-10 to 40 s of a core, the same for a bead as for robots among pillars. A block has one point at least."""
+2 to 10 s of a core, the same for a bead as for robots among pillars. A block has one point at least."""
+
+MANY_BLOCKS = 64
+"""Blocks for which larger ones are taken instead of more: a file costs the same time, however little it holds, and a
+GPU computes trials sooner than a thread of the host makes a file for each 16,384 of them."""
+
+LARGER = 4
+"""Times that what such blocks may hold is more."""
 
 LOOKS = 50
 """Times that the worlds are looked at within the horizon where nothing else is said."""
@@ -175,7 +182,8 @@ class Study:
         scene = self.design.scene
         elements = sum(len(b.spheres) + len(b.rods) for b in scene.bodies)
         work = trials * self.runner.steps * max(elements, 1) * (1 + len(scene.obstacles))
-        return blocks(self.design.shape, max(least, min(BLOCK_TRIALS // trials, BLOCK_WORK // work)))
+        size, larger = (max(least, min(n * BLOCK_TRIALS // trials, n * BLOCK_WORK // work)) for n in (1, LARGER))
+        return blocks(self.design.shape, max(size, min(larger, self.design.points // MANY_BLOCKS)))
 
     def in_blocks(self, cut: tuple[int, ...]) -> Study:
         """This study in other blocks; results do not depend on it.

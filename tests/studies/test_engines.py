@@ -131,10 +131,10 @@ def test_tasks_of_gpus(folder):
         stop=ot.trials(1_024),
     )
     todo = range(len(study.blocks()))
-    assert len(todo) == 256
-    assert [len(t) for t in tasks(study, todo, gpu=True)] == [64] * 4
-    assert [len(t) for t in tasks(study, todo, gpu=True, workers=8)] == [32] * 8
-    assert [len(t) for t in tasks(study, todo, gpu=False)] == [1] * 256
+    assert len(todo) == 64
+    assert [len(t) for t in tasks(study, todo, gpu=True)] == [16] * 4
+    assert [len(t) for t in tasks(study, todo, gpu=True, workers=8)] == [8] * 8
+    assert [len(t) for t in tasks(study, todo, gpu=False)] == [1] * 64
     long = ot.Study(
         folder / "well.usda",
         axes={"trap_power": ot.grid(0.2, 1.0, 4_096, unit="mW")},

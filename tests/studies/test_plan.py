@@ -66,6 +66,26 @@ def test_a_folder_keeps_the_blocks_that_it_was_made_with(folder, tmp_path, monke
     assert run_study(study, tmp_path / "whole", devices=["cpu"]).finished() == [0]
 
 
+@pytest.mark.parametrize(("points", "each", "blocks"), [(16, 1024, 16), (64, 1024, 64), (128, 1024, 256)])
+def test_wide_maps_have_larger_blocks_before_they_have_more(folder, points, each, blocks):
+    """Of 16 points of 1,024 trials at least, of 64 at most, and in between such that there are 64 blocks."""
+    axes = {
+        "trap_power": grid(0.3, 0.5, points, unit="mW"),
+        "start.x:/World/bead": grid(0.0, 0.3, points, unit="µm"),
+    }
+    study = Study(folder / "well.usda", axes=axes, observables=[trapped(until=0.004)], stop=trials(each), seed=3)
+    assert len(study.blocks()) == blocks
+
+
+@pytest.mark.parametrize("room", [1, 3])
+def test_blocks_of_long_trials_stay_small(folder, monkeypatch, room):
+    """However many there are, none holds more steps than four times what a small one may."""
+    axes = {"trap_power": grid(0.3, 0.5, 1000, unit="mW")}
+    study = Study(folder / "well.usda", axes=axes, observables=[trapped(until=0.004)], stop=trials(16), seed=3)
+    monkeypatch.setattr(studies, "BLOCK_WORK", 16 * study.runner.steps * room // 4)
+    assert study.points_of_a_block == room
+
+
 def test_plan_says_what_needs_models(folder, capsys):
     """Only axes whose values need a model of their own are named, and there is memory in every plan."""
     text = FILE.replace("900, 9000", "2").replace('time_step = "1 ms"\n', "")
