@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -117,9 +118,10 @@ def size_of(file: Path) -> tuple[int, int]:
     """
     with _readable(file):
         if file.suffix.lower() == ".npy":
-            shape = np.load(file, mmap_mode="r", allow_pickle=False).shape
-            height, width = shape[1:3] if len(shape) > 2 else shape
-            return width, height
+            shape = _array(file, "r").shape
+            if len(shape) < 3:
+                raise ValueError(f"its shape is {shape}")
+            return shape[2], shape[1]
         from PIL import Image
 
         with Image.open(file) as opened:
@@ -140,8 +142,8 @@ def _readable(path: Path) -> Iterator[None]:
         raise InputError(f"{path}: cannot be read ({why}); allowed: images, {', '.join(READ)}") from None
 
 
-def _array(path: Path) -> np.ndarray:
-    found = np.load(path, allow_pickle=False)
+def _array(path: Path, mapped: Literal["r"] | None = None) -> np.ndarray:
+    found = np.load(path, mmap_mode=mapped, allow_pickle=False)
     if not isinstance(found, np.ndarray):
         found.close()
         raise ValueError("it is an archive of several arrays")

@@ -79,6 +79,14 @@ def test_images_at_the_same_time_or_of_another_size_are_refused_before_anything_
     (folder / "3.png").write_bytes(b"no image")
     with pytest.raises(InputError, match=r"3\.png: cannot be read"):
         FileCamera(str(folder)).open()
+    (folder / "3.png").unlink()
+    with (folder / "3.npy").open("wb") as file:
+        np.savez(file, one=LEVELS, other=LEVELS)
+    with pytest.raises(InputError, match=r"3\.npy: cannot be read \(it is an archive of several arrays\)"):
+        FileCamera(str(folder)).open()
+    np.save(folder / "3.npy", LEVELS[0])
+    with pytest.raises(InputError, match=r"3\.npy: cannot be read \(its shape is \(8,\)\)"):
+        FileCamera(str(folder)).open()
 
 
 def test_pages_arrays_and_sixteen_bits(tmp_path):
