@@ -175,7 +175,7 @@ def learnt(
 ) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """Result and curve of one training, done now if it has not been; `more` are options of `train_ppo`."""
     folder = OUT / f"{kind_of(env, device)}_{seed}"
-    if not (folder / "result.json").is_file():
+    if not is_whole(folder / "result.json"):
         asked = {"env": env, "seed": seed, "minutes": minutes, "target": TARGET, "device": device, "out": folder} | more
         result = train_ppo.main([word for name, value in asked.items() for word in (f"--{name}", str(value))])
         machine = Machine.look(pick_device(device))
@@ -184,6 +184,14 @@ def learnt(
             part.write_text(json.dumps({**result, "where": where}, indent=1), encoding="utf-8")
     read = [json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in ("result", "curve")]
     return read[0], read[1]
+
+
+def is_whole(file: Path) -> bool:
+    """Whether a result says where it was measured: that is written last, and a process may have been killed before."""
+    try:
+        return "where" in json.loads(file.read_text(encoding="utf-8"))
+    except (FileNotFoundError, json.JSONDecodeError):
+        return False
 
 
 def kind_of(env: str, device: str) -> str:
