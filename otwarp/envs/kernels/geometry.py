@@ -18,15 +18,6 @@ def body_place(now: TaskNow, body: int) -> wp.vec3:
 
 
 @wp.func
-def body_turn(now: TaskNow, body: int) -> wp.quat:
-    """Orientation of a body; none where nothing turns."""
-    turn = wp.quat_identity()
-    if now.state.orientation.shape[1] > 0:
-        turn = now.state.orientation[now.world, body]
-    return turn
-
-
-@wp.func
 def as_turned(now: TaskNow, body: int, way: wp.vec3) -> wp.vec3:
     """A vector of a body's own frame as the body lies; itself where nothing turns."""
     turned = way
@@ -132,7 +123,7 @@ def trap_offset_of(now: TaskNow, trap: int) -> wp.vec3:
 @wp.func
 def alignment_of(now: TaskNow, body: int, axis: wp.vec3, wanted: wp.vec3) -> float:
     """Cosine between an axis of a body's own frame and a wanted direction."""
-    return wp.dot(wp.quat_rotate(body_turn(now, body), wp.normalize(axis)), wp.normalize(wanted))
+    return wp.dot(as_turned(now, body, wp.normalize(axis)), wp.normalize(wanted))
 
 
 @wp.func

@@ -145,12 +145,11 @@ def judge_period_term(rewards: tuple[WorldFunction, ...], ends: tuple[WorldFunct
     return judge_period
 
 
-@functools.lru_cache(maxsize=64)
-def judge_kernels(
-    readings: tuple[Reading, ...], rewards: tuple[WorldFunction, ...], ends: tuple[WorldFunction, ...]
-) -> tuple[wp.Kernel, wp.Kernel]:
-    """Kernel that judges a period of each world, and one that starts worlds anew."""
-    see, judge_period = seen_term(readings), judge_period_term(rewards, ends)
+def judge_world_term(
+    rewards: tuple[WorldFunction, ...], ends: tuple[WorldFunction, ...], see: wp.Function
+) -> wp.Function:
+    """`(control, state, readout, place, worlds, numbers, keep_last, episode, out, world)` after a period."""
+    judge_period = judge_period_term(rewards, ends)
 
     @wp.func
     def judge_world(control: ControlData, state: StateData, readout: ReadoutData, place: PlaceData,
@@ -184,10 +183,16 @@ def judge_kernels(
             judge_period(now, worlds, numbers, out)
         now = TaskNow(world, period, float(period) * place.period, state, readout, place, episode)
         see(now, numbers.seen, numbers.scale, out.seen)
-        # not 0 after the last period only where the world has started anew since
+        # of a world in between nothing changes: what its last episode had seen was cleared in its first period
         if keep_last != 0 and (fresh or worlds.done[world] != 0):
             for n in range(out.seen.shape[1]):
                 out.last_seen[world, n] = wp.where(worlds.done[world] != 0, out.seen[world, n], 0.0)
+
+    return judge_world
+
+
+def start_world_term(see: wp.Function) -> wp.Function:
+    """`(start, model, control, state, readout, place, worlds, numbers, hold, episode, seen, world)`: its next one."""
 
     @wp.func
     def start_world(start: StartData, model: ModelData, control: ControlData, state: StateData, readout: ReadoutData,
@@ -199,6 +204,17 @@ def judge_kernels(
         if hold != 0:
             episode.held[world] = 1
             worlds.done[world] = HELD
+
+    return start_world
+
+
+@functools.lru_cache(maxsize=64)
+def judge_kernels(
+    readings: tuple[Reading, ...], rewards: tuple[WorldFunction, ...], ends: tuple[WorldFunction, ...]
+) -> tuple[wp.Kernel, wp.Kernel]:
+    """Kernel that judges a period of each world, and one that starts worlds anew."""
+    see = seen_term(readings)
+    judge_world, start_world = judge_world_term(rewards, ends, see), start_world_term(see)
 
     @wp.kernel(module="unique", enable_backward=False, module_options={"cpu_compiler_flags": CPU_FLAGS})
     def judge(control: ControlData, state: StateData, readout: ReadoutData, place: PlaceData, worlds: WorldsData,

@@ -31,7 +31,7 @@ class StartData:
     middle: wp.array(dtype=wp.vec3)  # (G) and their middles, from where the scene has what they shift [µm]
     goal: wp.vec3  # [µm]
     goal_half: wp.vec3
-    state: StateData  # (W, …) where worlds start that have started, and what else a state has at the start
+    state: StateData  # poses at which each world started (W, …), written at its start; the rest as in the scene
     rows: wp.array(dtype=RowData)  # what worlds take from a row of the table, (0) where there is one variant
 
 

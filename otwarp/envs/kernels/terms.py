@@ -4,8 +4,8 @@ import warp as wp
 
 from otwarp.envs.kernels.geometry import (
     alignment_of,
+    as_turned,
     body_place,
-    body_turn,
     gap_between,
     gap_of,
     obstacle_place,
@@ -37,7 +37,7 @@ def body_velocity(now: TaskNow, body: int) -> wp.vec3:
 
 def body_axis(now: TaskNow, body: int, axis: wp.vec3) -> wp.vec3:
     """Where an axis of a body's own frame points."""
-    return wp.quat_rotate(body_turn(now, body), axis)
+    return as_turned(now, body, axis)
 
 
 def trap_offset(now: TaskNow, trap: int) -> wp.vec3:

@@ -43,7 +43,7 @@ class EpisodeData:
     period: wp.array(dtype=wp.int32)  # (W) periods since the start of the episode
     held: wp.array(dtype=wp.int32)  # (W) 1: reset in this period, and waits for its end; 2: ended before
     number: wp.array(dtype=wp.uint32)  # (W) trial, which all random numbers of the episode go by
-    flags: wp.array(dtype=wp.int32)  # (W) worlds that start anew
+    flags: wp.array(dtype=wp.int32)  # (W) not 0: worlds that `Batch.restart` starts anew
     variant: wp.array(dtype=wp.int32)  # (W) row of the table of randomised parameters
 
 

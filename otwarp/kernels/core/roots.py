@@ -38,7 +38,7 @@ def reciprocal_root(x: wp.float32) -> wp.float32:
 
 @wp.func
 def length_of(v: wp.vec3) -> float:
-    """|v|, in its units."""
+    """|v|, in its units, relative error at most 2⁻²²; 0 on CUDA where it is below 1e-19."""
     return square_root(wp.dot(v, v))
 
 
@@ -53,7 +53,7 @@ def length_of(v: wp.vec3) -> float:
 #endif
 """)
 def direction_of(v: wp.vec3) -> wp.vec3:
-    """v/|v| [1], relative error at most 2⁻²²; 0 of a vector without length."""
+    """v/|v| [1], relative error at most 2⁻²¹; 0 of a vector without length, on CUDA of one shorter than 1e-19."""
     ...
 
 

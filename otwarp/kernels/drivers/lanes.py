@@ -46,9 +46,31 @@ def module_options(f: Features) -> dict[str, str]:
     return {"cpu_compiler_flags": flags} if flags else {}
 
 
+def start_lanes_term(f: Features) -> wp.Function:
+    """`(model, control, state, readout, lanes, first_world, before, bodies, first_step, steps)`: of a launch."""
+    start, world_in, start_of = start_lane_term(f), world_term(f), start_term(f)
+
+    @wp.func
+    def start_lanes(
+        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, lanes: wp.array(dtype=BeadLane),
+        first_world: int, before: int, bodies: int, first_step: wp.int64, steps: int,
+    ):  # fmt: skip
+        """Put `bodies` spheres, the first of which is `before` after the first of `first_world`, on their ways."""
+        for g in range(bodies):
+            world = world_in(model, first_world + (before + g) // wp.static(f.bodies))
+            lanes[g] = start(model, control, state, readout, world, (before + g) % wp.static(f.bodies))
+            lanes[g].until = steps
+            if wp.static(f.episodes):
+                # which would have to be looked up in every step
+                lanes[g].start = start_of(model, world, first_step)
+                lanes[g].world = world
+
+    return start_lanes
+
+
 def make_bead_lanes(f: Features) -> wp.Kernel:
     """Step for lone spheres, as `make_bead_step`."""
-    start, advance, finish = start_lane_term(f), advance_lane_term(f), finish_lane_term(f)
+    start, advance, finish = start_lanes_term(f), advance_lane_term(f), finish_lane_term(f)
     draw = noise_block_term(f.noise, 3) if draws_blocks(f) else None
     fresh = fresh_steps(f)
     alike, step_together = (alike_term(f), step_together_term(f)) if f.vectors else (None, None)
@@ -66,16 +88,7 @@ def make_bead_lanes(f: Features) -> wp.Kernel:
         deviates = wp.zeros(shape=(wp.static(GROUP * 3 * BLOCK),), dtype=wp.float32)
         room = wp.zeros(shape=(GROUP,), dtype=BeadLane)
         lanes = wp.array(ptr=bead_lanes_at(room), shape=(GROUP,), dtype=BeadLane)
-        # names differ from loop to loop: one that came back would be carried from turn to turn
-        for g0 in range(bodies):
-            w0 = world_in(model, first_world + (before + g0) // wp.static(f.bodies))
-            b0 = (before + g0) % wp.static(f.bodies)
-            lanes[g0] = start(model, control, state, readout, w0, b0)
-            lanes[g0].until = steps
-            if wp.static(f.episodes):
-                # which would have to be looked up in every step
-                lanes[g0].start = start_of(model, w0, first_step)
-                lanes[g0].world = w0
+        start(model, control, state, readout, lanes, first_world, before, bodies, first_step, steps)
         together = bool(False)
         if wp.static(step_together is not None):
             together = alike(lanes, bodies)
@@ -89,6 +102,7 @@ def make_bead_lanes(f: Features) -> wp.Kernel:
                     stepped = step_together(model, control, state, lanes, deviates, world, first_step, done, count)
             if not stepped:
                 if wp.static(draw is not None):
+                    # names differ from loop to loop: one that came back would be carried from turn to turn
                     for g1 in range(bodies):
                         w1 = world_in(model, first_world + (before + g1) // wp.static(f.bodies))
                         b1 = (before + g1) % wp.static(f.bodies)

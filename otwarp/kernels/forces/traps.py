@@ -72,6 +72,21 @@ def takes_pieces(f: Features) -> bool:
     return f.moving_traps and bool(f.trap_models) and f.traps <= FEW_TRAPS
 
 
+def one_of_few_term(f: Features, what: str) -> wp.Function:
+    """`(model, law, anchor, position)`: `force` or `stiffness` of one trap whose constants are known."""
+    value_at, kind = getattr(trap_force_term(f.trap_models), what), ZEROS[what][0]
+
+    @wp.func
+    def one_of_few(model: ModelData, law: TrapConstants, anchor: wp.vec4, position: wp.vec3) -> kind:
+        """Power times the law of one prepared trap at `position` [µm]: force [pN] or stiffness [pN/µm]."""
+        away = position - point_of(anchor)
+        if wp.static(f.periodic):
+            away = nearest(model.period, away)
+        return power_of(anchor) * value_at(model.traps, law, away)
+
+    return one_of_few
+
+
 def sum_over_traps_term(f: Features, what: str) -> wp.Function:
     """`(model, control, state, bead, world, b, position, time)` → sum over the traps of their `force` or `stiffness`.
 
@@ -82,16 +97,8 @@ def sum_over_traps_term(f: Features, what: str) -> wp.Function:
     prepare, value_at = term.prepare, getattr(term, what)
     kind, nothing = ZEROS[what]
     trap_command = trap_command_term(f, stage=True)
-    few_command = few_command_term(f)
+    few_command, one_of_few = few_command_term(f), one_of_few_term(f, what)
     reach_of = reach_term(f)
-
-    @wp.func
-    def one_of_few(model: ModelData, law: TrapConstants, anchor: wp.vec4, position: wp.vec3) -> kind:
-        """Power times the law of one prepared trap at `position` [µm]: force [pN] or stiffness [pN/µm]."""
-        away = position - point_of(anchor)
-        if wp.static(f.periodic):
-            away = nearest(model.period, away)
-        return power_of(anchor) * value_at(model.traps, law, away)
 
     @wp.func
     def of_few(
@@ -101,15 +108,15 @@ def sum_over_traps_term(f: Features, what: str) -> wp.Function:
         """Sum [pN or pN/µm] over one or two traps whose constants `bead` holds."""
         anchor = bead.first_anchor
         if wp.static(not f.still_traps):
-            way, kept = bead.first_glide, bead.first_anchor
-            now = few_command(model, control, state, world, 0, bead.first_piece, way, kept, time)
+            glide, kept = bead.first_glide, bead.first_anchor
+            now = few_command(model, control, state, world, 0, bead.first_piece, glide, kept, time)
             anchor = anchored(bead.first, now)
         total = one_of_few(model, bead.first, anchor, position)
         if wp.static(f.traps == FEW_TRAPS):
             other = bead.second_anchor
             if wp.static(not f.still_traps):
-                way2, kept2 = bead.second_glide, bead.second_anchor
-                then = few_command(model, control, state, world, 1, bead.second_piece, way2, kept2, time)
+                glide2, kept2 = bead.second_glide, bead.second_anchor
+                then = few_command(model, control, state, world, 1, bead.second_piece, glide2, kept2, time)
                 other = anchored(bead.second, then)
             total += one_of_few(model, bead.second, other, position)
         return total
