@@ -17,7 +17,7 @@ def reciprocal_root(x: wp.float64) -> wp.float64:
 
 @wp.func
 def length_of(v: wp.vec3d) -> wp.float64:
-    """|v|, in its units."""
+    """|v| ≥ 0, in the units of v, rounded as its square is."""
     return wp.length(v)
 
 
