@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from otwarp.cli.main import main
+from otwarp.cli.validate import SLOW
 from otwarp.scene import Scene
 from otwarp.shipped import TEMPLATES
 from otwarp.studies.file import load_study
@@ -29,7 +30,8 @@ def test_a_template_is_valid_and_replaces_nothing(
         assert load_study(file).plan().points == 16
     else:
         assert main(["validate", str(file)]) == 0
-        assert capsys.readouterr().err == "", "no warnings"
+        # a computer that others use takes long enough to say so
+        assert capsys.readouterr().err.replace(f"otwarp: {SLOW}\n", "") == "", "no warnings"
         assert Scene.load(file).camera is not None, "a microscope sees it"
     file.write_text("mine")
     assert main(["new", kind, str(file)]) == 2
