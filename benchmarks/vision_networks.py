@@ -77,7 +77,8 @@ def measure(
             minutes of writing weights.
         devices: On which trainings run at the same time, one for each time that a device is named; none for one after
             the other on `device`.
-        speed: Only how fast networks train, which takes a few minutes and depends on neither `full` nor `folder`.
+        speed: Only how fast networks train and look, which takes a few minutes and depends on neither `full` nor
+            `folder`.
         runs: Trainings by name, with settings; None for those of this script.
     """
     nets = tuple(dict.fromkeys(how["net"] for how in runs.values())) if runs else NETS
@@ -110,13 +111,14 @@ def measure(
 
 
 def speed_alone(device: str, rounds: int, nets: Sequence[str]) -> Section:
-    """The table of the speed of training, of whose images only the number counts."""
+    """How fast networks train, and look at an image: of what they are shown only the number counts."""
     data: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as apart:
-        place = Path(apart) / "data"
+        work, place = Path(apart), Path(apart) / "data"
         make_dataset(labels_of(load_spec(SPECS / "smoke.toml")), place, processes=1, device=device)
-        table = training_speed(place, device, rounds, data, nets=nets)
-    return section(device, [table], data, "--speed", of_rounds(rounds))
+        tables = [training_speed(place, device, rounds, data, nets=nets)]
+        tables.append(run_times(work, of_128_pixels(place, work, device), device, data))
+    return section(device, tables, data, "--speed", of_rounds(rounds))
 
 
 def of_rounds(rounds: int) -> str:
@@ -383,5 +385,5 @@ if __name__ == "__main__":
             "default": (),
             "help": "trainings at the same time: cuda:0 cuda:0 cuda:1 cuda:1 for four",
         },
-        speed={"action": "store_true", "help": "only how fast networks train, beside a bare loop: minutes"},
+        speed={"action": "store_true", "help": "only how fast networks train, beside a bare loop, and look: minutes"},
     )
