@@ -19,20 +19,17 @@ bodies do not move by (M dt)⁻¹ of their own: near hydrodynamic walls, and cou
 
 import warp as wp
 
-from otwarp.kernels.bodies.rigid import angular_part, linear_part
 from otwarp.kernels.contact.blocks import block_at, factorise, solve_factorised
-from otwarp.kernels.contact.contact_list import ContactList, face_term, law_of, load_at, opened_by
+from otwarp.kernels.contact.contact_list import ContactList, law_of, opened_by
 from otwarp.kernels.contact.implicit_law import Line, line_of
-from otwarp.kernels.contact.travel import lift_of, opening_of
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity
-from otwarp.kernels.core.packed import beside, point_of
+from otwarp.kernels.core.packed import point_of
 from otwarp.kernels.core.periodic import image_shift
-from otwarp.kernels.core.reads import put_strided_vec4
 from otwarp.kernels.core.rotation import rotation_matrix
 from otwarp.kernels.core.rounding import PRECISION
 from otwarp.kernels.core.team import ALONE, Team, team_of
-from otwarp.kernels.core.types import ModelData, Move, vec6
+from otwarp.kernels.core.types import ModelData
 
 ROUNDS = wp.constant(24)
 """Most looks at the laws, one more than Newton's steps."""
@@ -306,63 +303,6 @@ def gather_term(f: Features) -> wp.Function:
                 join_bodies(model, a, b, arm_a, arm_b, stiffness, force, space)
 
     return gather
-
-
-def open_gaps_term(f: Features) -> wp.Function:
-    """`(listed, count, again, linear, angular, free, drift)`: how far gaps open without contact forces."""
-    face, team = face_term(f), settling_team(f)
-    size_of, lane_of = team.size, team.lane
-
-    @wp.func
-    def beyond(free: vec6, drift: vec6) -> Move:
-        """The free move without its drift [µm, rad]."""
-        apart = free - drift
-        return Move(linear_part(apart), angular_part(apart))
-
-    @wp.func
-    def open_gaps(
-        listed: ContactList, count: int, again: bool, linear: wp.array(dtype=wp.vec3), angular: wp.array(dtype=wp.vec3),
-        free: wp.array(dtype=vec6), drift: wp.array(dtype=vec6),
-    ):  # fmt: skip
-        """Write the openings by the moves `linear` and `angular` [µm, rad], lifted by the moves `free` − `drift`.
-
-        These are the noise in the first stage, and whole moves in the second, where contacts that push are lifted, too.
-        """
-        i = lane_of()
-        ahead = face(listed, wp.min(i, count - 1))
-        wander_ahead = listed.path[wp.min(i, count - 1)][0]
-        while i < count:
-            a = ahead.a
-            b = ahead.b
-            other = wp.max(b, 0)
-            move_a = Move(linear[a], angular[a])
-            move_b = Move(linear[other], angular[other])
-            lift_a = Move()
-            lift_b = Move()
-            if wp.static(f.bends):
-                lift_a = beyond(free[a], drift[a])
-                lift_b = beyond(free[other], drift[other])
-            # neighbours in the list are contacts of the same bodies, whose moves are read once
-            joined = bool(True)
-            while joined:
-                c = ahead
-                wander = wander_ahead
-                # read before this one is worked out: the memory of a GPU is far away
-                ahead = face(listed, wp.min(i + size_of(), count - 1))
-                if wp.static(f.bends):
-                    wander_ahead = listed.path[wp.min(i + size_of(), count - 1)][0]
-                opening = opening_of(c, move_a, move_b)
-                if wp.static(f.bends):
-                    lifted = wander > 0.0
-                    if again and not lifted:
-                        lifted = load_at(listed, i) != 0.0
-                    if lifted:
-                        opening += lift_of(c, lift_a, lift_b)
-                put_strided_vec4(listed.face, i, beside(c.normal, opening))
-                i += size_of()
-                joined = i < count and ahead.a == a and ahead.b == b
-
-    return open_gaps
 
 
 def solve_bodies_term(f: Features) -> wp.Function:

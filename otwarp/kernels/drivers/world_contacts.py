@@ -7,7 +7,6 @@ from otwarp.kernels.contact.body_solve import (
     MAX_POINTS,
     SpaceRoom,
     nodes_of,
-    open_gaps_term,
     settling_team,
     solve_bodies_term,
 )
@@ -16,6 +15,7 @@ from otwarp.kernels.contact.contact_list import ContactList, solved_term
 from otwarp.kernels.contact.detect import pair_contacts_term, pair_reach_term
 from otwarp.kernels.contact.detect_walls import wall_contacts_term, wall_poses_term, wall_reach_term
 from otwarp.kernels.contact.few_solve import FEW, solve_few_term
+from otwarp.kernels.contact.open_gaps import open_gaps_term
 from otwarp.kernels.contact.point_solve import MANY, partners_term, solve_points_term
 from otwarp.kernels.contact.solve import lift_gaps, solve_contacts
 from otwarp.kernels.contact.travel import free_travel, thermal_reach, wander_of

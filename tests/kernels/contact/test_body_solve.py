@@ -6,9 +6,10 @@ import warp as wp
 
 from otwarp.hydrodynamics import body_mobility
 from otwarp.kernels.contact.blocks import block_count
-from otwarp.kernels.contact.body_solve import SpaceRoom, nodes_of, open_gaps_term, solve_bodies_term
+from otwarp.kernels.contact.body_solve import SpaceRoom, nodes_of, solve_bodies_term
 from otwarp.kernels.contact.contact import Contact
 from otwarp.kernels.contact.contact_list import ContactList, put_term, solved_term
+from otwarp.kernels.contact.open_gaps import open_gaps_term
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.types import ModelData, ReadoutData, mat66, vec6
 from otwarp.simulation.packing.arrays import device_array

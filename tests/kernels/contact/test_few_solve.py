@@ -3,9 +3,9 @@
 import numpy as np
 import warp as wp
 
-from otwarp.kernels.contact.body_solve import open_gaps_term
 from otwarp.kernels.contact.contact_list import put_term, solved_term
 from otwarp.kernels.contact.few_solve import solve_few_term
+from otwarp.kernels.contact.open_gaps import open_gaps_term
 from otwarp.kernels.core.types import ModelData, ReadoutData, vec6
 from tests.kernels.contact.test_body_solve import (
     AGAIN,
