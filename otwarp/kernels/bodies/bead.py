@@ -9,7 +9,8 @@ from otwarp.kernels.core.medium import thermal_energy_of, viscosity_of
 from otwarp.kernels.core.noise import three_deviates_term
 from otwarp.kernels.core.packed import radius_of
 from otwarp.kernels.core.rounding import PI
-from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, StateData
+from otwarp.kernels.core.step_constants import BeadConstants
+from otwarp.kernels.core.types import ControlData, ModelData, StateData
 from otwarp.kernels.core.worlds import number_term
 from otwarp.kernels.cpu.noise_block import three_at
 from otwarp.kernels.forces.total import sphere_total

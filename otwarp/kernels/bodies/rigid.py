@@ -14,7 +14,8 @@ from otwarp.kernels.core.noise import six_deviates_term
 from otwarp.kernels.core.packed import point_of, radius_of
 from otwarp.kernels.core.reads import mat66_at
 from otwarp.kernels.core.rotation import rotate_by, rotation_matrix
-from otwarp.kernels.core.types import ControlData, ModelData, Pose, RigidConstants, StateData, mat66, vec6
+from otwarp.kernels.core.step_constants import RigidConstants
+from otwarp.kernels.core.types import ControlData, ModelData, Pose, StateData, mat66, vec6
 from otwarp.kernels.core.worlds import number_term
 from otwarp.kernels.cpu.rigid_block import kept_mobility_product, kick_at
 from otwarp.kernels.forces.table import active_forces

@@ -3,6 +3,7 @@
 In: nothing of the other rooms. Out:
 
     types (open it first), table_data, exact_data   the structs that kernels read and write
+    step_constants                                  what a step needs to know of one body, made once for many steps
     packed                                          a point with the number that belongs to it
     contiguous                                      elements of arrays without strides
     features, dynamics                              what a scene needs; what an integrator is composed from

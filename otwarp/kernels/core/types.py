@@ -7,7 +7,6 @@ holds one row for all worlds or one row per world. Arrays always exist; a scene 
 import warp as wp
 
 from otwarp.kernels.core.exact_data import ExactData
-from otwarp.kernels.core.keyframes import Piece
 from otwarp.kernels.core.table_data import ForceTableData, GridLevel
 
 vec4 = wp.vec4
@@ -59,96 +58,6 @@ class TrapData:
     held_offset: wp.array(dtype=wp.vec3)  # (T) offset of that sphere in its body [µm]
     held_mobility: wp.array(dtype=wp.float32)  # (T) mean mobility of that sphere's centre at unit viscosity [1/µm]
     held_range: wp.array2d(dtype=wp.float32)  # (1|W, T) distance at which that sphere has escaped [µm]
-
-
-@wp.struct
-class TrapConstants:
-    """What one trap does to spheres of one radius and kind: made once, kept in registers over a loop of steps.
-
-    A model fills what its force reads; the rest costs nothing, because terms are inlined.
-    """
-
-    model: wp.int32  # key of the force term
-    axis: wp.vec3
-    side: wp.vec3
-    up: wp.vec3
-    equilibrium: wp.float32  # [µm]
-    # an authored law, scaled to the sphere's radius
-    stiffness: wp.float32  # [pN/µm/mW]
-    threshold2: wp.float32  # squared [µm²]
-    inverse_square: wp.float32  # [pN·µm²/mW]
-    offset: wp.float32  # [pN/mW]
-    cutoff2: wp.float32  # squared [µm²]
-    axial_stiffness: wp.float32
-    axial_threshold2: wp.float32
-    axial_inverse_square: wp.float32
-    axial_offset: wp.float32
-    axial_cutoff2: wp.float32
-    reach2: wp.float32  # the larger of the two squared cutoffs [µm²]
-    table: wp.int32  # index of the force table
-    finest: GridLevel
-
-
-@wp.struct
-class Glide:
-    """How the focus of a trap goes on from where it is commanded."""
-
-    velocity: wp.vec3  # [µm/s]
-    since: wp.float64  # time at which it is where it is commanded [s]
-
-
-@wp.struct
-class BeadConstants:
-    """What one time step needs to know of a lone sphere, made once, kept in registers over a loop of steps."""
-
-    mobility_dt: wp.float32  # mobility × time step [µm/pN]
-    spread: wp.float32  # standard deviation of the thermal displacement [µm]
-    weight: wp.float32  # [pN]
-    drag_radius: wp.float32  # with a flow: of its hydrodynamic sphere [µm]
-    trapped: wp.int32  # 1: traps act on it
-    radius: wp.float32  # [µm]
-    kind: wp.int32
-    # of the first two traps, where a scene has no more
-    first: TrapConstants
-    second: TrapConstants
-    # equilibrium point [µm] and power [mW] of traps that stay where they are; of others the focus when not followed
-    first_anchor: wp.vec4
-    second_anchor: wp.vec4
-    first_glide: Glide  # of traps that glide
-    second_glide: Glide
-    first_piece: Piece  # of traps that follow samples: not constant, but for many steps
-    second_piece: Piece
-    # of the `lanes` form
-    deviates: wp.uint64  # where in a block of noise the deviates of step 0 would be
-
-
-@wp.struct
-class RigidConstants:
-    """What one time step needs to know of a rigid body, in its own frame: M dt about the centre of diffusion.
-
-    Symmetric blocks as (xx, yy, zz, xy, xz, yz), lower triangles as (xx, yy, zz, yx, zx, zy).
-    """
-
-    translation: vec6  # [µm/pN]
-    coupling: vec6  # [1/pN], symmetric about the centre of diffusion
-    rotation: vec6  # [1/pN/µm]
-    translation_root: vec6  # lower factor of 2 k_B T M dt, block by block [µm]; rotations as in `rotational_noise`
-    coupling_root: wp.mat33
-    rotation_root: vec6
-    aims: wp.mat44  # equilibrium point [µm] and power [mW] of the first traps, where these stay where they are
-    reaches: wp.vec4  # squared distance up to which they act [µm²]
-    # of the `lanes` form
-    kept: wp.uint64  # address of what `rigid_block` lays out
-    kicks: wp.uint64  # where in a block of thermal moves, in the body's frame, that of step 0 would be
-
-
-@wp.struct
-class BodyConstants:
-    """Those of a body of either kind; the other kind's are zero."""
-
-    turns: wp.int32  # 1: a rigid body
-    bead: BeadConstants
-    rigid: RigidConstants
 
 
 @wp.struct

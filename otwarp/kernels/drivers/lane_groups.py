@@ -3,7 +3,7 @@
 import warp as wp
 
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.types import BeadConstants
+from otwarp.kernels.core.step_constants import BeadConstants
 from otwarp.kernels.cpu.noise_block import BLOCK
 from otwarp.kernels.integrate.integrators import INTEGRATORS
 from otwarp.kernels.optics.escapes import EscapeMonitor

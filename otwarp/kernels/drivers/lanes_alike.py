@@ -12,7 +12,8 @@ from otwarp.kernels.bodies.bead import bead_dynamics
 from otwarp.kernels.core.faults import finite
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.packed import point_of, power_of
-from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, StateData
+from otwarp.kernels.core.step_constants import BeadConstants
+from otwarp.kernels.core.types import ControlData, ModelData, StateData
 from otwarp.kernels.cpu.noise_block import address_of, before_step, worlds_block_term
 from otwarp.kernels.drivers.lane_groups import GROUP, BeadLane, draws_blocks
 from otwarp.kernels.integrate.integrators import INTEGRATORS, whole_step

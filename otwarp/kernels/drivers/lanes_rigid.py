@@ -11,15 +11,8 @@ from otwarp.kernels.core.dynamics import Dynamics
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.periodic import kept_in_cell
-from otwarp.kernels.core.types import (
-    BodyConstants,
-    ControlData,
-    ModelData,
-    Pose,
-    ReadoutData,
-    RigidConstants,
-    StateData,
-)
+from otwarp.kernels.core.step_constants import BodyConstants, RigidConstants
+from otwarp.kernels.core.types import ControlData, ModelData, Pose, ReadoutData, StateData
 from otwarp.kernels.core.worlds import number_term, start_term, world_term, worlds_term
 from otwarp.kernels.cpu.noise_block import BLOCK, address_of, before_step, noise_block_term
 from otwarp.kernels.cpu.rigid_block import KEPT, keep, make_kicks

@@ -7,15 +7,8 @@ from otwarp.kernels.bodies.rigid import angular_part, linear_part
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import BODY_BLOCKS, FEW_TRAPS, TURNING_BLOCK, Features
 from otwarp.kernels.core.periodic import kept_in_cell
-from otwarp.kernels.core.types import (
-    BeadConstants,
-    ControlData,
-    ModelData,
-    Pose,
-    ReadoutData,
-    StateData,
-    TrapData,
-)
+from otwarp.kernels.core.step_constants import BeadConstants
+from otwarp.kernels.core.types import ControlData, ModelData, Pose, ReadoutData, StateData, TrapData
 from otwarp.kernels.core.worlds import living_world, own_step
 from otwarp.kernels.drivers.inlets import kept_in_domain_term
 from otwarp.kernels.forces.traps import next_pieces_term, takes_pieces

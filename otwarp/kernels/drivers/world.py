@@ -9,8 +9,9 @@ from otwarp.kernels.contact.blocks import block_count
 from otwarp.kernels.contact.body_solve import nodes_of
 from otwarp.kernels.contact.contact import Contact
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.step_constants import BodyConstants
 from otwarp.kernels.core.team import team_of
-from otwarp.kernels.core.types import BodyConstants, ControlData, ModelData, Pose, ReadoutData, StateData, vec6
+from otwarp.kernels.core.types import ControlData, ModelData, Pose, ReadoutData, StateData, vec6
 from otwarp.kernels.core.worlds import living_world, own_step
 from otwarp.kernels.drivers.world_contacts import find_contacts_term, report_contacts_term, settle_term
 from otwarp.kernels.drivers.world_moves import finish_term

@@ -10,7 +10,8 @@ import warp as wp
 from otwarp.kernels.contact.contact import Contact
 from otwarp.kernels.contact.contact_list import ContactList, has_ridges
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.types import BodyConstants, ControlData, ModelData, StateData, vec6
+from otwarp.kernels.core.step_constants import BodyConstants
+from otwarp.kernels.core.types import ControlData, ModelData, StateData, vec6
 from otwarp.kernels.integrate.body import body_dynamics
 
 

@@ -3,7 +3,8 @@
 import warp as wp
 
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, Pose, RigidConstants, StateData, Wrench
+from otwarp.kernels.core.step_constants import BeadConstants, RigidConstants
+from otwarp.kernels.core.types import ControlData, ModelData, Pose, StateData, Wrench
 from otwarp.kernels.forces.force import BodyFacts, Load
 
 

@@ -10,18 +10,8 @@ from otwarp.kernels.core.functions import function_from_text
 from otwarp.kernels.core.medium import thermal_energy_of, viscosity_of
 from otwarp.kernels.core.packed import point_of, radius_of
 from otwarp.kernels.core.rounding import PRECISION
-from otwarp.kernels.core.types import (
-    BeadConstants,
-    ControlData,
-    ForceData,
-    ForceInput,
-    ModelData,
-    Pose,
-    RigidConstants,
-    StateData,
-    Wrench,
-    world_row,
-)
+from otwarp.kernels.core.step_constants import BeadConstants, RigidConstants
+from otwarp.kernels.core.types import ControlData, ForceData, ForceInput, ModelData, Pose, StateData, Wrench, world_row
 from otwarp.kernels.forces.zeros import no_wrench
 
 

@@ -5,16 +5,8 @@ from functools import reduce
 import warp as wp
 
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.types import (
-    BeadConstants,
-    ControlData,
-    ModelData,
-    Pose,
-    RigidConstants,
-    StateData,
-    Wrench,
-    mat66,
-)
+from otwarp.kernels.core.step_constants import BeadConstants, RigidConstants
+from otwarp.kernels.core.types import ControlData, ModelData, Pose, StateData, Wrench, mat66
 from otwarp.kernels.forces.table import active_forces
 from otwarp.kernels.forces.zeros import ZEROS, no_body_stiffness, no_wrench
 

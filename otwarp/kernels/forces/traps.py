@@ -6,7 +6,8 @@ from otwarp.kernels.core.features import FEW_TRAPS, Features
 from otwarp.kernels.core.keyframes import Piece
 from otwarp.kernels.core.packed import point_of, power_of
 from otwarp.kernels.core.periodic import nearest
-from otwarp.kernels.core.types import BeadConstants, ControlData, Glide, ModelData, StateData, TrapConstants
+from otwarp.kernels.core.step_constants import BeadConstants, Glide, TrapConstants
+from otwarp.kernels.core.types import ControlData, ModelData, StateData
 from otwarp.kernels.forces.force import Term
 from otwarp.kernels.forces.zeros import ZEROS
 from otwarp.kernels.optics.trap_command import anchor_of, piece_command_term, trap_command_term

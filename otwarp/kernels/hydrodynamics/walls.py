@@ -30,7 +30,8 @@ from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.noise import WEAK_TERMS, high_half, six_deviates_term, three_deviates_term
 from otwarp.kernels.core.packed import point_of, radius_of
 from otwarp.kernels.core.random import GAUSSIAN_TERMS, Stream, noise_words
-from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, Move, Pose, StateData, WallData, vec6
+from otwarp.kernels.core.step_constants import BeadConstants
+from otwarp.kernels.core.types import ControlData, ModelData, Move, Pose, StateData, WallData, vec6
 from otwarp.kernels.core.worlds import number_term
 from otwarp.laws.wall_fits import ENTRAINED, GAP_FAR, NORMAL, SLIDING, GapFit
 

@@ -29,17 +29,8 @@ from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.medium import step_over_viscosity, thermal_energy_of
 from otwarp.kernels.core.packed import point_of, radius_of
 from otwarp.kernels.core.rounding import PI
-from otwarp.kernels.core.types import (
-    ControlData,
-    ModelData,
-    Move,
-    Pose,
-    RigidConstants,
-    StateData,
-    WallData,
-    mat66,
-    vec6,
-)
+from otwarp.kernels.core.step_constants import RigidConstants
+from otwarp.kernels.core.types import ControlData, ModelData, Move, Pose, StateData, WallData, mat66, vec6
 from otwarp.kernels.core.worlds import number_term
 from otwarp.kernels.forces.total import body_total
 from otwarp.kernels.hydrodynamics.walls import fit_term, more_deviates_term, normal_excess

@@ -9,16 +9,8 @@ from otwarp.kernels.bodies.bead import bead_constants_term
 from otwarp.kernels.bodies.rigid import angular_part, linear_part, rigid_constants_term, twist
 from otwarp.kernels.core.dynamics import Dynamics
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.types import (
-    BodyConstants,
-    ControlData,
-    ModelData,
-    Move,
-    Pose,
-    StateData,
-    mat66,
-    vec6,
-)
+from otwarp.kernels.core.step_constants import BodyConstants
+from otwarp.kernels.core.types import ControlData, ModelData, Move, Pose, StateData, mat66, vec6
 from otwarp.kernels.hydrodynamics.walls import sphere_dynamics
 from otwarp.kernels.hydrodynamics.walls_rigid import turning_dynamics
 

@@ -14,16 +14,8 @@ from otwarp.kernels.core.packed import point_of, power_of
 from otwarp.kernels.core.periodic import nearest
 from otwarp.kernels.core.random import Stream, noise_words, uniform
 from otwarp.kernels.core.roots import reciprocal_root, square_root
-from otwarp.kernels.core.types import (
-    BeadConstants,
-    ControlData,
-    ModelData,
-    Pose,
-    ReadoutData,
-    StateData,
-    TrapData,
-    world_row,
-)
+from otwarp.kernels.core.step_constants import BeadConstants
+from otwarp.kernels.core.types import ControlData, ModelData, Pose, ReadoutData, StateData, TrapData, world_row
 from otwarp.kernels.core.worlds import number_term
 from otwarp.kernels.optics.trap_command import anchor_of, trap_command_term
 

@@ -11,8 +11,9 @@ from typing import Any
 import warp as wp
 
 from otwarp.kernels.core.precision import kernel_module
+from otwarp.kernels.core.step_constants import TrapConstants
 from otwarp.kernels.core.table_data import ForceTableData, GridLevel
-from otwarp.kernels.core.types import TrapConstants, TrapData
+from otwarp.kernels.core.types import TrapData
 from otwarp.kernels.optics.trap_laws import isotropic_term, piecewise_ratio, split_term
 from otwarp.kernels.optics.traps import LAYER_NAMES, TRAP_TERMS, table_name
 from otwarp.laws import local_rows as rows

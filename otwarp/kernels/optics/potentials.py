@@ -6,7 +6,7 @@ on ρ and on z alone, as far as the trap reaches. Tabulated and exact forces are
 
 import warp as wp
 
-from otwarp.kernels.core.types import TrapConstants
+from otwarp.kernels.core.step_constants import TrapConstants
 from otwarp.kernels.optics.traps import trap_term
 
 

@@ -5,7 +5,8 @@ import warp as wp
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.keyframes import Piece
 from otwarp.kernels.core.packed import beside, point_of, power_of
-from otwarp.kernels.core.types import ControlData, Glide, ModelData, StateData, TrapConstants, TrapData, world_row
+from otwarp.kernels.core.step_constants import Glide, TrapConstants
+from otwarp.kernels.core.types import ControlData, ModelData, StateData, TrapData, world_row
 from otwarp.kernels.optics.traps import (
     anchored,
     commanded_animated,

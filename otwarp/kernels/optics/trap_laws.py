@@ -8,7 +8,8 @@ import warp as wp
 
 from otwarp.kernels.core.reads import number_at
 from otwarp.kernels.core.roots import reciprocal_root
-from otwarp.kernels.core.types import TrapConstants, TrapData, world_row
+from otwarp.kernels.core.step_constants import TrapConstants
+from otwarp.kernels.core.types import TrapData, world_row
 
 
 @wp.func

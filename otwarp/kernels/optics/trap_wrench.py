@@ -7,18 +7,9 @@ from otwarp.kernels.core.packed import beside, point_of, power_of, radius_of
 from otwarp.kernels.core.periodic import image_shift
 from otwarp.kernels.core.reads import index_at, vec4_at
 from otwarp.kernels.core.rotation import rotation_matrix
+from otwarp.kernels.core.step_constants import RigidConstants
 from otwarp.kernels.core.team import team_of
-from otwarp.kernels.core.types import (
-    Aim,
-    ControlData,
-    ModelData,
-    Pose,
-    RigidConstants,
-    StateData,
-    Wrench,
-    mat66,
-    world_row,
-)
+from otwarp.kernels.core.types import Aim, ControlData, ModelData, Pose, StateData, Wrench, mat66, world_row
 from otwarp.kernels.cpu.rigid_block import AIMS, SPHERES
 from otwarp.kernels.cpu.table_block import address_of_aims, table_wrench_term
 from otwarp.kernels.optics.trap_command import anchor_of, trap_command_term

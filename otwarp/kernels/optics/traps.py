@@ -15,7 +15,8 @@ import warp as wp
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.keyframes import Piece, find_key, find_key_from, key_weight
 from otwarp.kernels.core.packed import beside, point_of, power_of
-from otwarp.kernels.core.types import ControlData, Glide, TrapConstants, TrapData, world_row
+from otwarp.kernels.core.step_constants import Glide, TrapConstants
+from otwarp.kernels.core.types import ControlData, TrapData, world_row
 from otwarp.kernels.optics.exact import exact_force_term
 from otwarp.kernels.optics.force_table import blend_weight, table_stiffness_term, table_term
 from otwarp.kernels.optics.trap_laws import (

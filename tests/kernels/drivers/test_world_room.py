@@ -4,7 +4,8 @@ import numpy as np
 import warp as wp
 
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.types import BodyConstants, StateData, vec6
+from otwarp.kernels.core.step_constants import BodyConstants
+from otwarp.kernels.core.types import StateData, vec6
 from otwarp.kernels.drivers.world_room import BodyRoom, load_bodies_term, store_bodies_term
 from otwarp.simulation.packing.arrays import device_array
 from tests.kernels.samples import quaternions

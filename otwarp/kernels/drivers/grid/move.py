@@ -13,7 +13,8 @@ import warp as wp
 from otwarp.kernels.bodies.bead import bead_constants_term, bead_dynamics
 from otwarp.kernels.bodies.rigid import angular_part, linear_part, twist
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, Move, Pose, StateData
+from otwarp.kernels.core.step_constants import BeadConstants
+from otwarp.kernels.core.types import ControlData, ModelData, Move, Pose, StateData
 from otwarp.kernels.core.worlds import number_term
 from otwarp.kernels.cpu.noise_block import BLOCK, before_step, block_source
 from otwarp.kernels.drivers.grid.data import GridData, PushData, body_pose_term, own_term

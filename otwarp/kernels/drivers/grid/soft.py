@@ -17,7 +17,8 @@ from otwarp.kernels.core.medium import step_over_viscosity
 from otwarp.kernels.core.packed import beside, point_of, radius_of
 from otwarp.kernels.core.periodic import kept_in_cell, nearest
 from otwarp.kernels.core.recycling import has_left
-from otwarp.kernels.core.types import BeadConstants, ControlData, ModelData, Pose, ReadoutData, StateData
+from otwarp.kernels.core.step_constants import BeadConstants
+from otwarp.kernels.core.types import ControlData, ModelData, Pose, ReadoutData, StateData
 from otwarp.kernels.cpu.move_block import MOVES, move_block_term
 from otwarp.kernels.cpu.noise_block import address_of
 from otwarp.kernels.drivers.grid.data import GridData
