@@ -25,10 +25,10 @@ from otwarp.simulation.episodes import Episodes
 from otwarp.simulation.info import device_bytes
 from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
-from otwarp.simulation.packing.arguments import numbers, seconds, whole
+from otwarp.simulation.packing.arguments import seconds, whole
 from otwarp.simulation.packing.arrays import host_type
 from otwarp.simulation.packing.parameters import SharedRows
-from otwarp.simulation.starts import starts_of
+from otwarp.simulation.starts import pose_rows, starts_of
 from otwarp.simulation.state import Control, Readout, State
 from otwarp.simulation.user_forces import Force, check_forces
 
@@ -262,7 +262,7 @@ class Simulation:
         """
         episodes = self.episodes
         poses = {"position": position, "orientation": orientation}
-        start = starts_of(self.model, episodes.origin, worlds, poses, number, self._state_rows)
+        start = starts_of(self.model, episodes.origin, worlds, poses, number)
         episodes.restart(start)
         self.note_starts()
 
@@ -297,9 +297,9 @@ class Simulation:
                 body rotates.
         """
         rows = {}
-        for name, values, width in (("position", position, 3), ("orientation", orientation, 4)):
+        for name, values in (("position", position), ("orientation", orientation)):
             if values is not None:
-                rows[name] = self._state_rows(name, numbers(f"state {name}", values), width)
+                rows[name] = pose_rows(self.model, name, values)
         if "position" in rows and self.model.features.periodic:
             rows["position"], rows["image"] = self.model.in_cell(rows["position"])
         for name, values in rows.items():
@@ -307,23 +307,6 @@ class Simulation:
             array.assign(values.astype(host_type(array.dtype)))
         self._stepper.place()
         self._measured_at = None
-
-    def _state_rows(self, name: str, values: np.ndarray, width: int) -> np.ndarray:
-        """(W, B, width) values for an array of the state."""
-        full = (self.model.worlds, len(self.scene.bodies), width)
-        if name == "orientation" and not self.model.features.rigid:
-            raise InputError("state orientation cannot be set, no body rotates; allowed: position alone")
-        if values.shape not in (full, full[1:]):
-            raise InputError(f"state {name} has shape {values.shape}; allowed: {full[1:]} or {full}")
-        bad = ~np.isfinite(values)
-        if np.any(bad):
-            raise InputError(f"state {name} has the value {values[bad][0]:g}; allowed: finite numbers")
-        if name == "orientation":
-            length = np.linalg.norm(values, axis=-1, keepdims=True)
-            if np.any(length == 0.0):
-                raise InputError("state orientation has a quaternion of length 0; allowed: any other length")
-            values = values / length
-        return np.broadcast_to(values, full)
 
     @property
     def readout(self) -> Readout:

@@ -1,8 +1,8 @@
-"""How worlds start anew: which of them, where, and with which trials, from what a user gives."""
+"""How worlds start anew, or elsewhere: which of them, where, and with which trials, from what a user gives."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -52,20 +52,41 @@ class Starts:
         return cls(everyone, state, empty(0, wp.uint32, model.device))
 
 
-def starts_of(
-    model: Model,
-    origin: Starts,
-    worlds: Any,
-    poses: Mapping[str, Any],
-    number: Any,
-    checked: Callable[[str, np.ndarray, int], np.ndarray],
-) -> Starts:
+def pose_rows(model: Model, name: str, values: Any) -> np.ndarray:
+    """(W, B, 3) positions [µm] or (W, B, 4) unit quaternions, from what a user gave for all worlds or for each.
+
+    Raises:
+        InputError: A wrong shape, a number that is not finite, a quaternion of length 0, or an orientation where no
+            body rotates.
+    """
+    values = numbers(f"state {name}", values)
+    full = (model.worlds, len(model.scene.bodies), 3 if name == "position" else 4)
+    _check_turns(model, name)
+    if values.shape not in (full, full[1:]):
+        raise InputError(f"state {name} has shape {values.shape}; allowed: {full[1:]} or {full}")
+    bad = ~np.isfinite(values)
+    if np.any(bad):
+        raise InputError(f"state {name} has the value {values[bad][0]:g}; allowed: finite numbers")
+    if name == "orientation":
+        length = np.linalg.norm(values, axis=-1, keepdims=True)
+        if np.any(length == 0.0):
+            raise InputError("state orientation has a quaternion of length 0; allowed: any other length")
+        values = values / length
+    return np.broadcast_to(values, full)
+
+
+def _check_turns(model: Model, name: str) -> None:
+    """Raise an `InputError` for orientations where no body rotates."""
+    if name == "orientation" and not model.features.rigid:
+        raise InputError("state orientation cannot be set, no body rotates; allowed: position alone")
+
+
+def starts_of(model: Model, origin: Starts, worlds: Any, poses: Mapping[str, Any], number: Any) -> Starts:
     """What a user gave to `Simulation.reset`, which says what is allowed, on the device.
 
     Args:
         origin: What counts where nothing is given.
         poses: `position` and `orientation`, or None.
-        checked: `(name, values, width) -> (W, B, width)` of poses from the host.
 
     Raises:
         InputError: A wrong shape, type, device or value.
@@ -80,20 +101,18 @@ def starts_of(
         state.image = wp.zeros_like(state.image)
     for name in _VECTORS:
         given = poses[name]
-        rows = getattr(origin.state, name) if given is None else _pose(model, name, given, checked)
+        rows = getattr(origin.state, name) if given is None else _pose(model, name, given)
         setattr(state, name, rows)
     return Starts(chosen, state, trials)
 
 
-def _pose(model: Model, name: str, values: Any, checked: Callable[[str, np.ndarray, int], np.ndarray]) -> wp.array:
+def _pose(model: Model, name: str, values: Any) -> wp.array:
     """(1|W, B) places or orientations."""
     dtype = model.place.typed(_VECTORS[name])
     view = device_view(values, dtype)
     if view is None:
-        rows = checked(name, numbers(f"state {name}", values), 3 if name == "position" else 4)
-        return device_array(rows, _VECTORS[name], model.place, ndim=2)
-    if name == "orientation" and not model.features.rigid:
-        raise InputError("state orientation cannot be set, no body rotates; allowed: position alone")
+        return device_array(pose_rows(model, name, values), _VECTORS[name], model.place, ndim=2)
+    _check_turns(model, name)
     return _on_device(model, f"state {name}", view, dtype, [(n, len(model.scene.bodies)) for n in (1, model.worlds)])
 
 
