@@ -135,6 +135,12 @@ def inlet_cost(device: wp.Device, worlds: int, rounds: int, seconds: float) -> d
     return {"periodic": Quartiles.of(found.second), "open": found.ratio()}
 
 
+def first_of(devices: Sequence[str]) -> list[Sequence[str]]:
+    """The first two, four, eight … devices, and all of them."""
+    counts = {2**n for n in range(1, len(devices).bit_length()) if 2**n < len(devices)} | {len(devices)}
+    return [devices[:count] for count in sorted(counts)]
+
+
 def shard_ratios(devices: Sequence[str], worlds: int, rounds: int) -> dict[str, Quartiles]:
     """How much faster all devices are than the first: as many worlds on each (weak), as many in all (strong)."""
     make = partial(ShardedSimulation, bead_scene())
@@ -205,18 +211,15 @@ def measure(
         "inlets": {str(w): {n: vars(q) for n, q in c.items()} for w, c in inlets.items()},
     }
     if devices:
-        ratios = shard_ratios(devices, shared, rounds)
+        ratios = {len(some): shard_ratios(some, shared, rounds) for some in first_of(devices)}
         tables.append(
             Table(
-                title=f"{len(devices)} devices over one",
-                head=("worlds", "times as fast"),
-                rows=[
-                    (f"{shared:,} on each (weak)", ratios["weak"].text(".4g")),
-                    (f"{shared:,} in all (strong)", ratios["strong"].text(".4g")),
-                ],
+                title="Several devices over one [times as fast]",
+                head=("devices", f"{shared:,} worlds on each (weak)", f"{shared:,} worlds in all (strong)"),
+                rows=[(str(n), found["weak"].text(".4g"), found["strong"].text(".4g")) for n, found in ratios.items()],
             )
         )
-        data["devices"] = {n: vars(q) for n, q in ratios.items()}
+        data["devices"] = {str(n): {k: vars(q) for k, q in found.items()} for n, found in ratios.items()}
     asked = f"--devices {' '.join(devices)}" if devices else ""
     return Section(name="worlds", kind=kind, machine=Machine.look(place), tables=tables, data=data, asked=asked)
 
