@@ -34,8 +34,9 @@ WEAK = 0.01
 """Force gain at which haptics do no harm in the model [N/pN]; the chain's own is 0.05."""
 TRIALS = 816
 """Trials at once, at most: of whole operators."""
-OURS = {"small (ours)": 0.302, "ResNet18 (ours)": 0.31}
-"""Depth errors of this project's networks on a random split [µm], of one seed: the published map is drawn with them."""
+NETWORKS = ROOT / "docs" / "benchmarks" / "vision_networks.md"
+OURS = {"small": "small (ours)", "resnet18": "ResNet18 (ours)"}
+"""This project's networks on that page, and what the map calls them."""
 COLUMNS = {
     "success": ("delivered", "{:.2f}", 1.0),
     "contact_mean": ("contact [pN]", "{:.2f}", 1.0),
@@ -118,10 +119,18 @@ def cells(found: Maps, **chosen: Sequence[float]) -> list[tuple[str, dict[str, f
     return rows
 
 
+def our_errors(page: str) -> dict[str, float]:
+    """Depth errors of this project's networks on a random split [µm], means over seeds, as `NETWORKS` prints them."""
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if line.startswith("|")]
+    head = next(row for row in rows if row[0] == "network, split")
+    by_name = {row[0]: row[head.index("depth [µm]")] for row in rows if len(row) == len(head)}
+    return {said: float(by_name[f"{name}, random"].split("±")[0]) for name, said in OURS.items()}
+
+
 def report(device: str, operators: int, fewer: int, picture: Path) -> str:
     """All tables of the page; the map is drawn."""
     weak, chain = (computed(name, operators, device) for name in ("weak", "chain"))
-    draw_maps(weak, picture, networks=OURS)
+    draw_maps(weak, picture, networks=our_errors(NETWORKS.read_text(encoding="utf-8")))
     names = ("pose", "unstamped", "slow", "lateral", "slow_lateral", "eyes")
     pose, unstamped, slow, lateral, slow_lateral, eyes = (computed(name, fewer, device) for name in names)
     across = [(f"{said}, {how}", row) for how, found in (("new in every picture", lateral), ("for 0.5 s", slow_lateral))

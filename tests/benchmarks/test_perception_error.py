@@ -1,8 +1,21 @@
 """The benchmark of perception errors draws its map and writes its tables: two operators, a few cells."""
 
 from benchmarks import perception_error
-from benchmarks.perception_error import grid
+from benchmarks.perception_error import NETWORKS, grid, our_errors
 from otwarp.operators.perception.errors import Perception
+
+
+def test_errors_of_our_networks_are_those_of_their_page():
+    """Means over seeds of the random split, of the column in µm; other tables have rows of the same names."""
+    page = """| network, split | depth, normalised | depth [µm] |
+|---|---:|---:|
+| small, random | 0.05 ± 0.01 | 0.318 ± 0.028 |
+| resnet18, random | 0.08 ± 0.01 | 0.513 ± 0.043 |
+| small, focus_blocks | 0.16 ± 0.02 | 1.06 ± 0.085 |
+"""
+    expected = {"small (ours)": 0.318, "ResNet18 (ours)": 0.513}
+    assert our_errors(page) == our_errors(f"{page}\n| small, random | 597 |\n") == expected
+    assert our_errors(NETWORKS.read_text(encoding="utf-8")).keys() == expected.keys()
 
 
 def test_a_report_of_a_tiny_sweep(tmp_path, monkeypatch):
