@@ -18,7 +18,7 @@ from otwarp.device import pick_device
 from otwarp.envs.batch import Batch
 from otwarp.envs.registration import TASKS, task_of
 from otwarp.envs.vector import VectorEnv
-from otwarp.errors import SimulationError
+from otwarp.errors import InputError, SimulationError
 from otwarp.simulation.simulation import Simulation
 
 WORLDS = (1, 64, 4_096, 65_536)
@@ -32,6 +32,8 @@ PUBLISHED = {
     "mujoco_warp, humanoid, 8,192 worlds on one large GPU": 4.0e6,
 }
 """Steps a second that others state, of other tasks on other machines."""
+STILL = 0.05
+"""Largest share of bare worlds that may stand still after a fault: then they cost less, and a ratio says nothing."""
 
 
 def acting(batch: Batch) -> None:
@@ -69,6 +71,29 @@ def go_on(sim: Simulation, steps: int) -> None:
         sim.step(steps)
 
 
+def few_standing(name: str, sim: Simulation) -> int:
+    """How many bare worlds of a task have a body with a fault, which stands still from then on.
+
+    Raises:
+        InputError: More than `STILL` of them.
+    """
+    count = int(np.any(sim.last_readout.fault.numpy() != 0, axis=1).sum())
+    if count > STILL * sim.model.worlds:
+        raise InputError(
+            f"{count} of {sim.model.worlds} bare worlds of {name} have a fault and stand still; allowed: up to "
+            f"{STILL:.0%}, for those cost less"
+        )
+    return count
+
+
+def told_standing(found: dict[str, dict[int, dict[str, Any]]]) -> str:
+    """Sentences of the table's note, one for each row with bare worlds that stood still; none as a rule."""
+    return "".join(
+        f" Of the {w:,} bare worlds of `{name}` up to {c['still']:,} stood still after a fault."
+        for name, by_worlds in found.items() for w, c in by_worlds.items() if c["still"]
+    )  # fmt: skip
+
+
 def costs(name: str, device: wp.Device, worlds: int, rounds: int, seconds: float) -> dict[str, Any]:
     """Time of an environment step of all worlds [s], over bare time steps, and with NumPy arrays in and out."""
     batch = Batch(task_of(name), worlds, device=device, autoreset="same")
@@ -82,12 +107,15 @@ def costs(name: str, device: wp.Device, worlds: int, rounds: int, seconds: float
     env.reset(seed=0)
     actions = batch.actions.numpy().copy()
     stepped = per_step(batch.step, device, seconds)
+    still: list[int] = []
     alone, looped = per_step(lambda: go_on(bare, batch.steps), device, seconds), per_step(graph, device, seconds)
 
     def timed(sim: Simulation, work: Callable[[], float]) -> float:
         """Time of the steps of bare worlds from where those of environments have come to [s]."""
         alike(sim, batch)
-        return work()
+        taken = work()
+        still.append(few_standing(name, sim))
+        return taken
 
     pairs = {
         "bare": (stepped, partial(timed, bare, alone)),
@@ -100,6 +128,7 @@ def costs(name: str, device: wp.Device, worlds: int, rounds: int, seconds: float
         "bare": found["bare"].ratio(),
         "ending": found["ending"].ratio(),
         "numpy": found["numpy"].ratio(),
+        "still": max(still),
         "steps": batch.steps,
         "driver": batch.sim.model.features.driver,
     }
@@ -133,7 +162,7 @@ def measure(device: str = "cpu", *, worlds: Sequence[int] = (), rounds: int = 5,
             note="An environment step has the time steps of a control period, actions, resets, observations, rewards "
             "and ends, as one graph; bare time steps are those alone, of as many worlds, whose bodies and traps begin "
             "where those of the environments have come to. Beads that are alike share vectors of a CPU, unless their "
-            "worlds may end (`ends=()`, as one graph). All of it on one core of a CPU.",
+            "worlds may end (`ends=()`, as one graph). All of it on one core of a CPU." + told_standing(found),
         ),
         Table(
             title="The quickest of these beside what others state, of other tasks on other machines",
@@ -146,6 +175,7 @@ def measure(device: str = "cpu", *, worlds: Sequence[int] = (), rounds: int = 5,
             str(w): {
                 **{n: vars(c[n]) for n in ("step", "bare", "ending", "numpy")},
                 "steps": c["steps"],
+                "still": c["still"],
                 "driver": c["driver"],
             }
             for w, c in by_worlds.items()
