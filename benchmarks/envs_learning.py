@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -50,6 +51,8 @@ PICTURES = {
 TARGET = 0.985
 """Success of the last 1,000 episodes of a training, with exploration, at which it stops."""
 PARTS = ("ppo", "scripts", "shared", "noise", "delivery")
+LOAD = re.compile(r"load (\d+\.?\d*)")
+"""What a result says of the machine that differs from seed to seed."""
 SEED = 3_000_000_000
 """Of the first episode of scripts: no policy has trained with it."""
 
@@ -295,7 +298,20 @@ def trained(env: str, given: argparse.Namespace) -> str:
     picture = PICTURES[env]
     picture = picture.with_stem(picture.stem + kind_of(env, given.device).partition("delivery")[2])
     draw(env, trainings, picture if given.write else OUT / picture.name)
-    return f"{learnt_table(trainings)}\n\n{trainings[0][0]['where']}"
+    return f"{learnt_table(trainings)}\n\n{places({seed: result['where'] for seed, (result, _) in trainings.items()})}"
+
+
+def places(where: dict[int, str]) -> str:
+    """Commit and machine of the trainings, one line for seeds that share them, with the load that each seed met."""
+    seeds: dict[str, list[int]] = {}
+    for seed, said in where.items():
+        seeds.setdefault(LOAD.sub("load {}", said), []).append(seed)
+    lines = []
+    for said, alike in seeds.items():
+        loads = ", ".join(load[1] for seed in alike if (load := LOAD.search(where[seed])))
+        whose = "" if len(seeds) == 1 else f"Seed{'s'[: len(alike) > 1]} {', '.join(map(str, alike))}: "
+        lines.append(whose + said.replace("load {}", f"load {loads}"))
+    return "  \n".join(lines)
 
 
 def beside(episodes: int, device: str) -> str:
