@@ -198,12 +198,13 @@ def start_world_term(see: wp.Function) -> wp.Function:
     def start_world(start: StartData, model: ModelData, control: ControlData, state: StateData, readout: ReadoutData,
                     place: PlaceData, worlds: WorldsData, numbers: NumberData, hold: int, episode: EpisodeData,
                     seen: wp.array2d(dtype=wp.float32), world: int):  # fmt: skip
-        """Start a world anew, and observe it; with `hold` it waits for the end of the period."""
+        """Start a world anew, and observe it; with `hold` it waits for the end of the period, which observes it."""
         start_anew(start, model, control, state, readout, world, episode)
-        see(TaskNow(world, 0, 0.0, state, readout, place, episode), numbers.seen, numbers.scale, seen)
         if hold != 0:
             episode.held[world] = 1
             worlds.done[world] = HELD
+        else:
+            see(TaskNow(world, 0, 0.0, state, readout, place, episode), numbers.seen, numbers.scale, seen)
 
     return start_world
 
@@ -228,7 +229,7 @@ def judge_kernels(
     def start_worlds(start: StartData, model: ModelData, control: ControlData, state: StateData, readout: ReadoutData,
                      place: PlaceData, worlds: WorldsData, numbers: NumberData, ended: int, hold: int,
                      episode: EpisodeData, seen: wp.array2d(dtype=wp.float32), each: int):  # fmt: skip
-        """Start the flagged worlds anew, or with `ended` those whose episodes are over, and observe them."""
+        """Start the flagged worlds anew, or with `ended` those whose episodes are over; observe those not on hold."""
         first = wp.tid() * each
         for w in range(first, wp.min(first + each, worlds.done.shape[0])):
             chosen = episode.flags[w] != 0
