@@ -2,6 +2,9 @@
 
 import warp as wp
 
+SHORTEST = wp.constant(1.2e-38)
+"""Time [s] between first and last sample from which on a key is guessed: less is 0 in float32, on a GPU at least."""
+
 
 @wp.struct
 class Piece:
@@ -31,8 +34,9 @@ def find_key(times: wp.array(dtype=wp.float64), first: int, last: int, time: wp.
     high = last
     begin = times[first]
     end = times[last]
-    if begin < time and time < end:
-        share = wp.float32(time - begin) / wp.float32(end - begin)
+    span = wp.float32(end - begin)
+    if begin < time and time < end and span > SHORTEST:
+        share = wp.float32(time - begin) / span
         guess = wp.min(first + int(share * wp.float32(last - first)), last - 1)
         if times[guess] <= time:
             low = guess

@@ -55,6 +55,7 @@ LADDERS = {
     "uneven": np.cumsum(RNG.lognormal(0.0, 3.0, 300)),
     "jumps": np.repeat(np.linspace(0.0, 1.0, 20), 2),
     "two": np.array([1.0, 3.0]),
+    "closer than float32 tells": 1e-48 * np.arange(50),
     "no time between": np.array([2.0, 2.0, 2.0]),
 }
 
