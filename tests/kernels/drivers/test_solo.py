@@ -44,9 +44,11 @@ def step_loop(features: Features, folder: Path) -> list[str]:
 
 
 @pytest.fixture(autouse=True)
-def compiler(device):
+def compiler(device, monkeypatch):
+    """A compiler for GPUs that optimises, also where `--unoptimised` spares the tests that step the time for it."""
     if not wp.is_cuda_available() and not wp._src.context.runtime.is_cuda_enabled:
         pytest.skip("this Warp was built without CUDA")
+    monkeypatch.setattr(wp.config, "optimization_level", None)
 
 
 @pytest.mark.parametrize(("escapes", "fast"), [(False, False), (True, False), (True, True)])
