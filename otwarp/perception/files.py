@@ -133,9 +133,16 @@ class FileCamera:
         self._number += due - self._at
         self._at = due
         image = self._images[due - 1]
-        levels = image if isinstance(image, np.ndarray) else self._grey(load_stack(image)[0], image)
+        levels = image if isinstance(image, np.ndarray) else self._read(image)
         time = self._start + self._times[due - 1] - self._shift
         return CameraFrame(number=self._number, time=time, exposure=0.0, pieces=(Piece(0, 0, levels),), sent=now)
+
+    def _read(self, file: Path) -> np.ndarray:
+        """The image of a file, which may have gone or be damaged where nothing told so at the beginning."""
+        try:
+            return self._grey(load_stack(file)[0], file)
+        except InputError as error:
+            raise CameraLost(f"camera {self._info.name}: {error}") from None
 
     def close(self) -> None:
         """See `Camera`."""
@@ -187,10 +194,10 @@ class FileCamera:
 
 
 def _check_sizes(names: Sequence[Path]) -> None:
-    """Refuse a folder of images that differ in size, before anything runs.
+    """Refuse a folder of images that differ in size or are cut off, before anything runs; damage within shows later.
 
     Raises:
-        InputError: They do, or one cannot be read.
+        InputError: They do or are, or one cannot be read.
     """
     (wide, high), *others = map(size_of, names)
     for name, size in zip(names[1:], others, strict=True):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -15,6 +17,8 @@ from otwarp.files import written
 ENDINGS = (".png", ".tif", ".npy")
 READ = (".png", ".tif", ".tiff", ".npy")
 """Endings of files that are read."""
+TIFF_DATA = ((273, 279), (324, 325))
+"""Tags of where the strips of a page begin, and of their lengths; then of its tiles (TIFF 6.0)."""
 
 
 def check_ending(file: Path) -> None:
@@ -111,10 +115,10 @@ def load_stack(file: str | Path) -> np.ndarray:
 
 
 def size_of(file: Path) -> tuple[int, int]:
-    """Width and height of a file's images [pixels], by what stands at its beginning.
+    """Width and height of a file's images [pixels], by what stands at its beginning; no image is decoded.
 
     Raises:
-        InputError: It cannot be read.
+        InputError: It cannot be read, or ends before its images do.
     """
     with _readable(file):
         if file.suffix.lower() == ".npy":
@@ -125,7 +129,35 @@ def size_of(file: Path) -> tuple[int, int]:
         from PIL import Image
 
         with Image.open(file) as opened:
+            ends = {"PNG": _png_ends, "TIFF": _tiff_ends}.get(opened.format or "")
+            if ends is not None and not ends(file, opened):
+                raise ValueError("it ends before its images do")
             return opened.size
+
+
+def _png_ends(file: Path, opened: Any) -> bool:
+    """Whether the chunks of a PNG lead to the one that ends it; whatever comes after that does not matter."""
+    with file.open("rb") as stream:
+        stream.seek(8)
+        while len(head := stream.read(8)) == 8:
+            length, kind = struct.unpack(">I4s", head)
+            if kind == b"IEND":
+                return True
+            stream.seek(length + 4, os.SEEK_CUR)
+    return False
+
+
+def _tiff_ends(file: Path, opened: Any) -> bool:
+    """Whether all strips and tiles that the pages of a TIFF name lie within the file."""
+    from PIL import ImageSequence
+
+    size = file.stat().st_size
+    for page in ImageSequence.Iterator(opened):
+        for tags in TIFF_DATA:
+            starts, counts = (page.tag_v2.get(tag, ()) for tag in tags)  # type: ignore[attr-defined]
+            if any(start + count > size for start, count in zip(starts, counts, strict=False)):
+                return False
+    return True
 
 
 @contextmanager

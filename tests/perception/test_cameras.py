@@ -89,6 +89,44 @@ def test_images_at_the_same_time_or_of_another_size_are_refused_before_anything_
         FileCamera(str(folder)).open()
 
 
+@pytest.mark.parametrize("name", ["3.png", "3.tif", "3.npy"])
+def test_an_image_that_is_cut_off_is_refused_before_anything_runs(name, folder):
+    """Its header is whole, so that it opens; what follows a PNG's end is nobody's business."""
+    page = np.random.default_rng(0).integers(0, 256, (60, 80)).astype(np.uint8)
+    for old in folder.glob("*.png"):
+        Image.fromarray(page).save(old)
+    file = folder / name
+    np.save(file, page) if name.endswith("npy") else Image.fromarray(page).save(file)
+    whole = file.read_bytes()
+    FileCamera(str(folder)).open()
+    if name.endswith("png"):
+        file.write_bytes(whole + b"written by a camera")
+        FileCamera(str(folder)).open()
+    for length in (len(whole) // 2, len(whole) - 13):
+        file.write_bytes(whole[:length])
+        with pytest.raises(InputError, match=rf"{name}: cannot be read") as error:
+            FileCamera(str(folder)).open()
+        assert "\n" not in str(error.value)
+
+
+def test_an_image_that_turns_out_damaged_ends_the_camera(folder):
+    """Bytes that differ within a whole file, or a file that has gone since: the session goes on without the camera."""
+    whole = (folder / "1.png").read_bytes()
+    middle = whole.index(b"IDAT") + 6
+    for damage, said in ((whole[:middle] + b"damaged" + whole[middle + 7 :], "cannot be read"), (None, "no such file")):
+        (folder / "1.png").write_bytes(whole)
+        camera = make_camera(f"files:{folder},rate=50")
+        if damage is not None:
+            (folder / "1.png").write_bytes(damage)
+        camera.open()
+        if damage is None:
+            (folder / "1.png").unlink()
+        assert camera.read(0.0) is not None
+        with pytest.raises(CameraLost, match=rf"camera files:{folder},rate=50: .*1\.png: .*{said}") as error:
+            camera.read(0.02)
+        assert "\n" not in str(error.value)
+
+
 def test_pages_arrays_and_sixteen_bits(tmp_path):
     wide = LEVELS.astype(np.uint16) << 8
     np.save(tmp_path / "stack.npy", np.stack([wide, wide]))
