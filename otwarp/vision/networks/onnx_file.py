@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import warnings
 from pathlib import Path
@@ -23,13 +24,17 @@ OPSET = 18
 KEY = "otwarp"
 """Of the metadata that say what the numbers mean."""
 
+SEAL = b"\x72\x51\x0a\x0dotwarp_sha256\x12\x40"
+"""Begins the last entry of the metadata in a file, as protobuf has it (field 14 of a model, 81 bytes: key, value); 64
+hexadecimal digits follow, the SHA-256 of all bytes before."""
+
 
 def export(run: str | Path, file: Path) -> tuple[str, ...]:
     """Write a network as ONNX: uint8 images of its data set in, what its heads say out.
 
     Input `images` (n, height, width) uint8. Outputs, as the heads are: `scores` (n, classes), `depth` (n) normalised,
     `mean` (n, k) and `covariance` (n, k, k) [µm, rad]; names and order of the k quantities stand in the metadata, as
-    JSON under the key `otwarp`.
+    JSON under the key `otwarp`, and after it a checksum, see `SEAL`.
 
     Args:
         run: Folder of a training.
@@ -63,8 +68,25 @@ def export(run: str | Path, file: Path) -> tuple[str, ...]:
         onnx.checker.check_model(model)
         entry = model.metadata_props.add()
         entry.key, entry.value = KEY, json.dumps(about, ensure_ascii=False)
-        onnx.save(model, part)
+        part.write_bytes(_sealed(model.SerializeToString()))
     return module.names
+
+
+def _sealed(data: bytes) -> bytes:
+    """A model with its checksum: protobuf takes what is appended to a message for a part of it."""
+    return data + SEAL + hashlib.sha256(data).hexdigest().encode()
+
+
+def _check_seal(data: bytes, file: Path) -> None:
+    """Compare the checksum at the end of a file, where there is one: files had none at first.
+
+    Raises:
+        InputError: It differs.
+    """
+    rest = len(data) - len(SEAL) - 64
+    if rest >= 0 and data[rest : rest + len(SEAL)] == SEAL and data != _sealed(data[:rest]):
+        raise InputError(f"{file}: is damaged, or another program has changed it: its SHA-256 is not what its metadata "
+                         "say; allowed: a file as otwarp vision export wrote it")  # fmt: skip
 
 
 def _onnx() -> Any:
@@ -91,7 +113,7 @@ class OnnxEstimator(Estimator):
         threads: Of a run; 0 for all cores.
 
     Raises:
-        InputError: It is none, or onnxruntime is missing.
+        InputError: It is none, it is damaged, or onnxruntime is missing.
     """
 
     def __init__(self, file: Path, threads: int = 0):
@@ -102,8 +124,12 @@ class OnnxEstimator(Estimator):
         options.intra_op_num_threads = threads
         options.log_severity_level = 3
         try:
-            self.session = runtime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])
+            data = file.read_bytes()
+            _check_seal(data, file)
+            self.session = runtime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
             about = json.loads(self.session.get_modelmeta().custom_metadata_map[KEY])
+        except InputError:
+            raise
         except Exception as error:  # onnxruntime raises its own kinds, by the hundred
             why = " ".join(str(error).split())[:120]
             raise InputError(

@@ -79,11 +79,36 @@ def test_files_that_are_no_networks_are_one_line(trained: Path, tmp_path: Path) 
         load(trained / "checkpoint.pt", device="cpu")
     export(trained, tmp_path / "robot.onnx")
     model = onnx.load(tmp_path / "robot.onnx")
-    (about,) = model.metadata_props
+    about, checksum = model.metadata_props
+    model.metadata_props.remove(checksum)
     about.value = json.dumps({"net": "small"})
     onnx.save(model, tmp_path / "robot.onnx")
     with pytest.raises(InputError, match=r"robot.onnx: does not say heads of its network; allowed"):
         load(tmp_path / "robot.onnx")
+
+
+def test_an_exported_network_that_has_changed_is_refused_in_one_line(trained: Path, tmp_path: Path) -> None:
+    """A bit of a weight, of the checksum, or a number that another program wrote; a file of old has no checksum."""
+    onnx = pytest.importorskip("onnx")
+    pytest.importorskip("onnxruntime")
+    file = tmp_path / "robot.onnx"
+    export(trained, file)
+    whole, model = file.read_bytes(), onnx.load(file)
+    weight = whole.index(model.graph.initializer[0].raw_data) + 5
+    other = onnx.load(file)
+    other.producer_name = "another program"
+    changed = [other.SerializeToString()]
+    for place in (weight, len(whole) - 1):
+        changed.append(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
+    for data in changed:
+        file.write_bytes(data)
+        with pytest.raises(InputError, match=r"robot.onnx: is damaged, or another program has changed it") as error:
+            load(file)
+        assert "\n" not in str(error.value)
+    assert [entry.key for entry in model.metadata_props] == ["otwarp", "otwarp_sha256"]
+    del model.metadata_props[1]
+    onnx.save(model, file)
+    assert load(file).about["net"] == "small"
 
 
 def test_images_are_resized_alike_by_torch_and_in_the_file(smoke: Path, tmp_path: Path) -> None:
