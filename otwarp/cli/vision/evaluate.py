@@ -36,6 +36,7 @@ def evaluate(
     """
     from otwarp.files import check_place
     from otwarp.vision.networks.evaluate import evaluate as evaluated
+    from otwarp.vision.networks.metrics import in_words
     from otwarp.vision.networks.report import write_report
 
     folder = report or (run.parent if run.is_file() else run) / "report"
@@ -50,8 +51,5 @@ def evaluate(
                                  any_robot=any_robot, report=say)  # fmt: skip
     page = write_report(folder, estimator, found)
     for one in found:
-        rmse = ", ".join(f"{name} {value:.3g}{'°' if name in ('tilt', 'yaw') else ' µm'}"
-                         for name, value in one.scores.get("rmse", {}).items())  # fmt: skip
-        right = f"{100 * one.scores['accuracy']:.1f} % of tilts right; " if "accuracy" in one.scores else ""
-        click.echo(f"{one.name}, {one.about}: {right}{rmse}")
+        click.echo(f"{one.name}, {one.about}: {in_words(one.scores)}")
     click.echo(f"wrote {page}")

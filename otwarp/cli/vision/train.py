@@ -67,16 +67,12 @@ def train(
 
 def summary(metrics: Mapping[str, Any]) -> str:
     """What a training reached, in a line."""
+    from otwarp.vision.networks.metrics import in_words
+
     test, weights = metrics["test"], metrics["weights"]["source"]
     begun = "random weights" if weights == "none" else weights
-    words = [f"{metrics['net']} from {begun}, epoch {metrics['best_epoch']}, {test['images']} test images"]
-    if "accuracy" in test:
-        words.append(f"{100 * test['accuracy']:.1f} % of tilts right")
-    if "depth_normalized_rmse" in test:
-        words.append(f"normalised depth {test['depth_normalized_rmse']:.3g}")
-    units = {"tilt": "°", "yaw": "°"}
-    words += [f"{name} {value:.3g} {units.get(name, 'µm')}" for name, value in test.get("rmse", {}).items()]
-    return ": ".join((words[0], ", ".join(words[1:])))
+    begun = f"{metrics['net']} from {begun}, epoch {metrics['best_epoch']}, {test['images']} test images"
+    return f"{begun}: {in_words(test)}"
 
 
 def _line(row: Mapping[str, Any]) -> str:

@@ -160,13 +160,12 @@ def _one(
         classes = len(targets.classes) if np.any(train.tilt_class >= 0) else 0
         for title, baseline in BASELINES.items():
             others[title] = scores_of(baseline(train, data.images(index), classes), targets, data.labels, index)
-    away = errors_of(said, targets, data.labels, index) if said.mean is not None else np.zeros((len(index), 0))
-    efficiency = {}
-    if poses and said.mean is not None:
-        efficiency = _efficiency(data, index, away, targets.names, poses, device)
+    names = estimator.quantities
+    away = errors_of(said, targets, data.labels, index) if names else np.zeros((len(index), 0))
+    efficiency = _efficiency(data, index, away, names, poses, device) if poses and names else {}
     return Evaluation(
         name, about, scores_of(said, targets, data.labels, index), others, efficiency,
-        _by_tilt(data.labels["tilt"][index], away, targets.names), _drawn(data, index, said, away),
+        _by_tilt(data.labels["tilt"][index], away, names), _drawn(data, index, said, away),
     )  # fmt: skip
 
 

@@ -77,6 +77,15 @@ def scores_of(
     return found
 
 
+def in_words(scores: Mapping[str, Any]) -> str:
+    """What `scores_of` found, in a line: tilts named right, and root mean square errors."""
+    words = [f"{100 * scores['accuracy']:.1f} % of tilts right"] if "accuracy" in scores else []
+    if "depth_normalized_rmse" in scores:
+        words.append(f"normalised depth {scores['depth_normalized_rmse']:.3g}")
+    units = {name: "°" if name in ANGLES else " µm" for name in QUANTITIES}
+    return ", ".join([*words, *(f"{name} {value:.3g}{units[name]}" for name, value in scores.get("rmse", {}).items())])
+
+
 def errors_of(said: Predictions, targets: Targets, labels: Mapping[str, np.ndarray], index: np.ndarray) -> np.ndarray:
     """(n, k) errors of predicted poses [µm, rad]; `scores_of` has the arguments."""
     columns = [QUANTITIES.index(name) for name in targets.names]

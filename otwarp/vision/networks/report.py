@@ -31,7 +31,7 @@ def write_report(folder: Path, estimator: Estimator, found: Sequence[Evaluation]
     """
     check_place(folder, "--report", folder=True)
     folder.mkdir(parents=True, exist_ok=True)
-    about, names = estimator.about, estimator.targets.names
+    about, names = estimator.about, estimator.quantities
     lines = [f"# {about['net']}, epoch {about['epoch']}", "", _weights(about["weights"]), ""]
     for number, one in enumerate(found, start=1):
         stem = f"{number}_{re.sub(r'[^A-Za-z0-9_-]', '_', one.name)}"

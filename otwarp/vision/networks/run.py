@@ -41,6 +41,11 @@ class Estimator(ABC):
         """Of these images [µm]."""
         return float(self.about["pixel"])
 
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """Quantities of the pose that it says; none with the paper's heads."""
+        return () if self.about["heads"] == "paper" else self.targets.names
+
     def predict(self, images: np.ndarray) -> Predictions:
         """What all heads say of images; `estimate` has the argument and the errors."""
         return self._predict(self._checked(images))
@@ -54,8 +59,8 @@ class Estimator(ABC):
         Raises:
             InputError: Images of another shape or type, or a network without a pose's head.
         """
-        names = self.targets.names
-        if self.about["heads"] == "paper" or not names:
+        names = self.quantities
+        if not names:
             raise InputError(f"heads of the network is {self.about['heads']}, which say classes and normalised depth "
                              "alone; allowed: both or pose")  # fmt: skip
         said = self.predict(images)

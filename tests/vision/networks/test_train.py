@@ -256,6 +256,16 @@ def test_weights_are_those_that_were_asked_for(smoke: Path, tmp_path: Path, monk
     assert not (tmp_path / "other").exists() and not (tmp_path / "third").exists()
 
 
+def test_heads_of_the_paper_are_evaluated(smoke: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """They say tilts and normalised depth, no pose, though poses vary in the images."""
+    assert main([*command(smoke, tmp_path / "out", epochs=1)[3:], "--heads", "paper"]) == 0
+    assert main(["vision", "evaluate", str(tmp_path / "out"), str(smoke), "--poses", "1", "--device", "cpu"]) == 0
+    said = capfd.readouterr().out
+    assert "% of tilts right, normalised depth" in said and "µm" not in said
+    page = (tmp_path / "out" / "report" / "report.md").read_text(encoding="utf-8")
+    assert "| network |" in page and "by tilt" not in page and "Cramér" not in page
+
+
 def test_the_command_says_what_it_reached(smoke: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     words = command(smoke, tmp_path / "out", epochs=1)[3:]
     assert main(words) == 0
