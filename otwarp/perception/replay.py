@@ -82,7 +82,7 @@ class PerceptionReplay:
 
 
 class _Played:
-    """A `Looker` that gives out what it is told to."""
+    """A `Looker` that gives out what it is told to; nothing can be asked of a recording."""
 
     info = CameraInfo(name="recording", kind="recording")
 
@@ -91,13 +91,13 @@ class _Played:
         self.ended = ""
 
     def start(self, now: float) -> None:
-        """See `Looker`."""
+        """See `Looker`: there is no camera to open."""
 
     def command(self, now: float, position: np.ndarray, power: np.ndarray) -> None:
-        """See `Looker`."""
+        """See `Looker`: the images are there already, whatever traps do."""
 
     def want(self, wanted: Sequence[Wanted]) -> None:
-        """See `Looker`."""
+        """See `Looker`: the pieces are those that were cut out."""
 
     def looks(self, now: float) -> list[Look]:
         """See `Looker`."""
@@ -107,10 +107,10 @@ class _Played:
         return due
 
     def restart(self) -> None:
-        """See `Looker`."""
+        """See `Looker`: no laboratory is simulated."""
 
     def close(self) -> None:
-        """See `Looker`."""
+        """See `Looker`: who replays the recording closes it."""
 
 
 def replay_perception(path: str | Path) -> PerceptionReplay | None:

@@ -59,7 +59,7 @@ class SimulatedCamera:
         return self._info
 
     def open(self) -> None:
-        """See `Camera`."""
+        """See `Camera`: the first command begins."""
 
     def aim(self, regions: Sequence[Region]) -> None:
         """See `Camera`."""
@@ -100,7 +100,7 @@ class SimulatedCamera:
         )  # fmt: skip
 
     def close(self) -> None:
-        """See `Camera`."""
+        """See `Camera`: nothing is held."""
 
     def _due(self, number: int) -> float:
         return self._start + number * self._period

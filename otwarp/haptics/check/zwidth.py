@@ -170,7 +170,7 @@ class LinearField:
         return {}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """See `ForceModel.restore`."""
+        """See `ForceModel.restore`: there is no state."""
 
 
 UNLIMITED = SafetyConfig(ramp_time=0.0, slew=1e6, clamp=100.0, continuous_force=100.0)

@@ -377,7 +377,7 @@ class ZeroEffect:
             port.close()
 
     def close(self) -> None:
-        """See `ZeroForce`."""
+        """See `ZeroForce`: `send` has closed what it opened."""
 
 
 def zero_force(address: str) -> ZeroEffect:
