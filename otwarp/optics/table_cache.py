@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import json
 from pathlib import Path
 from typing import Any
@@ -47,8 +48,27 @@ def file_of(folder: Path, beam: Beam, sphere: Particle, tolerance: float, interp
 def load(
     folder: Path, beam: Beam, sphere: Particle, tolerance: float, interpolation: Interpolation
 ) -> ForceTable | None:
-    """The cached table, or None if there is none that can be trusted."""
-    arrays = cache.load(folder, describe(beam, sphere, tolerance, interpolation))
+    """The cached table, or None if there is none that can be trusted; read once as long as its file is the same."""
+    about = describe(beam, sphere, tolerance, interpolation)
+    try:
+        seen = cache.file_of(folder, about).stat()
+    except OSError:
+        return None
+    return _read(folder, about, (seen.st_mtime_ns, seen.st_size), beam, sphere, tolerance, interpolation)
+
+
+@functools.lru_cache(maxsize=4)
+def _read(
+    folder: Path,
+    about: str,
+    seen: tuple[int, int],
+    beam: Beam,
+    sphere: Particle,
+    tolerance: float,
+    interpolation: Interpolation,
+) -> ForceTable | None:
+    """The table of a file that was `seen` with a time and a size; tables never change."""
+    arrays = cache.load(folder, about)
     if arrays is None:
         return None
     try:

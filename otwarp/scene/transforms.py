@@ -103,8 +103,15 @@ def align_z(direction: np.ndarray) -> np.ndarray:
 def rotate(q: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Rotate vectors (..., 3) by unit quaternions (..., 4) in (x, y, z, w); shapes broadcast."""
     q, v = np.asarray(q, dtype=float), np.asarray(v, dtype=float)
-    t = 2.0 * np.cross(q[..., :3], v)
-    return v + q[..., 3:] * t + np.cross(q[..., :3], t)
+    t = 2.0 * _cross(q, v)
+    return v + q[..., 3:] * t + _cross(q, t)
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """`np.cross` of the first three numbers of rows, which takes a few vectors ten times as long."""
+    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
+    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 
 def conjugate(q: np.ndarray) -> np.ndarray:
