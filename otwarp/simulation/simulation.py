@@ -152,8 +152,13 @@ class Simulation:
         """Simulated time [s]."""
         return self.state.time
 
-    def step(self, steps: int = 1) -> None:
+    def step(self, steps: int = 1, *, look: bool = True) -> None:
         """Take `steps` time steps.
+
+        Args:
+            steps: How many, 0 or more.
+            look: Where worlds have ends, whether to learn how many are still in motion; a GPU is waited for then.
+                Without, it launches the next steps for as many as there were at the last look, to the same results.
 
         Raises:
             InputError: `steps` is negative, or no whole number.
@@ -166,7 +171,8 @@ class Simulation:
             self._stepper.advance(self.state.step, steps, self.model.worlds)
         else:
             self._segment(self._episodes, steps)
-            self._episodes.look()
+            if look:
+                self._episodes.look()
         self._count(steps)
         if self.options.ends is None:
             self.last_readout.check_faults(self.model)

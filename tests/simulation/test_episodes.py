@@ -104,6 +104,21 @@ def test_a_reset_world_runs_the_next_trial(scene, plain, device, compact):
     assert_same_worlds(sim, [4], plain(100), [4 + 2 * WORLDS])
 
 
+def test_who_does_not_look_gets_the_same(scene, plain, device):
+    """Worlds that ended since the last look stand still all the same."""
+    sim = simulate(scene, device)
+    sim.step(100)
+    finish(sim, ENDED)
+    for _ in range(3):
+        sim.step(50, look=False)
+    assert sim.episodes.at_most == WORLDS
+    going = [w for w in range(WORLDS) if w not in ENDED]
+    assert_same_worlds(sim, going, plain(250), going)
+    assert np.array_equal(sim.state.position.numpy()[ENDED], plain(100).state.position.numpy()[ENDED])
+    sim.step(1)
+    assert sim.episodes.at_most == len(going)
+
+
 def test_a_trial_by_its_number(scene, plain, device):
     sim = simulate(scene, device, worlds=3)
     sim.reset(number=[20, 3, 11])
