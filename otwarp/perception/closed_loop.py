@@ -40,7 +40,8 @@ class ClosedLoop:
         about: What looks at what, for a recording; JSON.
 
     Attributes:
-        latency: From light to state, stage by stage.
+        latency: From light to state, stage by stage; not of light that came before the first turn and waited for the
+            session to begin.
         frames, skipped, disordered: Frames that were looked at, exposures that nobody read, frames that came after a
             later one.
         parted, clashes: Turns in which bodies had to be pushed out of each other, and in which that was not enough.
@@ -59,7 +60,7 @@ class ClosedLoop:
         self._clock, self._about = clock or RealClock(), dict(about or {})
         self._began, self._restarts = commands.times[0], 0
         self._told: tuple[float, np.ndarray, np.ndarray] = 0.0, np.zeros((0, 3)), np.zeros(0)
-        self._turns = 0
+        self._turns, self._since = 0, np.inf
         self._holds = np.zeros(0, dtype=int)
         self._first = commands.values[0][: 3 * commands.traps].reshape(-1, 3).copy()
         self._started = False
@@ -99,7 +100,7 @@ class ClosedLoop:
         entered = self._clock.now()
         self._holds = np.array([body for body, _ in sim.model.held], dtype=int)
         self._commands.reach(now, position=position, power=power, tolerance=STRAIGHT)
-        self._told, self._turns = (now, position, power), self._turns + 1
+        self._told, self._turns, self._since = (now, position, power), self._turns + 1, min(self._since, now)
         self._looker.command(now, position, power)
         self._looks = tuple(self._new_looks(now))
         for body in self.bodies:
@@ -258,6 +259,8 @@ class ClosedLoop:
             return
         source = "rendering" if self._looker.info.simulated else "readout"
         for look in self._looks:
+            if look.time < self._since:
+                continue
             half = 0.5 * look.exposure
             self._open.append({
                 "exposure": half, source: max(look.sent - look.time - half, 0.0),
