@@ -84,6 +84,13 @@ def measure(
     nets = tuple(dict.fromkeys(how["net"] for how in runs.values())) if runs else NETS
     if speed:
         return speed_alone(device, rounds, nets)
+    tables: list[Table] = []
+    begun = time.perf_counter()
+
+    def keep(table: Table) -> None:
+        tables.append(table)
+        print(f"after {time.perf_counter() - begun:.0f} s: {table.title}", file=sys.stderr, flush=True)
+
     with tempfile.TemporaryDirectory() as apart:
         work = folder or Path(apart)
         work.mkdir(parents=True, exist_ok=True)
@@ -93,19 +100,18 @@ def measure(
         runs, best = runs or (FULL if full else SMALL), "small, pose" if full else "small"
         if devices:
             at_once(place, all_trainings(place, work, runs, best, rounds), devices)
-        tables = [table_of_splits(place, work, runs, rounds, device, data)]
+        keep(table_of_splits(place, work, runs, rounds, device, data))
         if full:
             make_dataset(labels_of(load_spec(SPECS / "shifted.toml")), work / "shifted", processes=1, device=device)
-            tables.append(shifted(work / "shifted", work, runs, device, data))
+            keep(shifted(work / "shifted", work, runs, device, data))
         run = work / f"{best}_focus_blocks_0"
-        tables += [stated(run, place, device, data), photons(run, place, device, data)]
-        tables += [
-            images_needed(place, work, best, runs[best], device, data),
-            ablation(place, work, runs, device, data),
-        ]
-        tables.append(training_speed(place, device, rounds, data, nets=nets))
+        keep(stated(run, place, device, data))
+        keep(photons(run, place, device, data))
+        keep(images_needed(place, work, best, runs[best], device, data))
+        keep(ablation(place, work, runs, device, data))
+        keep(training_speed(place, device, rounds, data, nets=nets))
         there = {name: work / f"{name}_random_0" for name in runs} | of_128_pixels(place, work, device)
-        tables.append(run_times(work, there, device, data))
+        keep(run_times(work, there, device, data))
     return section(device, tables, data, "--full" if full else "", of_rounds(rounds),
                    f"--devices {' '.join(devices)}" if devices else "")  # fmt: skip
 
