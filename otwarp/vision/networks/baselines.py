@@ -25,6 +25,9 @@ PENALTY = 1e-3
 
 BLOCK = 512
 
+AT_ONCE = 64
+"""Images that stay in a processor's cache while they are measured."""
+
 
 @dataclass(frozen=True, eq=False)
 class Shown:
@@ -96,7 +99,7 @@ def focus_measures(images: np.ndarray) -> np.ndarray:
     Args:
         images: uint8 (n, height, width).
     """
-    return np.concatenate([_measures(images[s : s + BLOCK]) for s in range(0, len(images), BLOCK)])
+    return np.concatenate([_measures(images[s : s + AT_ONCE]) for s in range(0, len(images), AT_ONCE)])
 
 
 def _measures(images: np.ndarray) -> np.ndarray:
@@ -104,7 +107,8 @@ def _measures(images: np.ndarray) -> np.ndarray:
     height, width = light.shape[1:]
     mean = light.mean(axis=(1, 2), keepdims=True)
     away = light - mean
-    variance = np.mean(away**2, axis=(1, 2)) + 1e-12
+    square = away * away  # powers of three and four by pow take four times as long as all the rest
+    variance = np.mean(square, axis=(1, 2)) + 1e-12
     across = {1: 2, 2: 1}
     slopes = [ndimage.correlate1d(ndimage.correlate1d(light, [-1.0, 0.0, 1.0], axis=axis), [1.0, 2.0, 1.0], axis=other)
               for axis, other in across.items()]  # fmt: skip
@@ -113,8 +117,8 @@ def _measures(images: np.ndarray) -> np.ndarray:
     found = [
         mean[:, 0, 0],
         np.sqrt(variance),
-        np.mean(away**3, axis=(1, 2)) / variance**1.5,
-        np.log(np.mean(away**4, axis=(1, 2)) / variance**2),
+        np.mean(square * away, axis=(1, 2)) / variance**1.5,
+        np.log(np.mean(square * square, axis=(1, 2)) / variance**2),
         np.log(np.mean(slopes[0] ** 2 + slopes[1] ** 2, axis=(1, 2)) + 1e-12),
         np.log(np.mean((light[:, :, 2:] - light[:, :, :-2]) ** 2, axis=(1, 2)) + 1e-12),
         np.log(np.mean((light[:, 2:] - light[:, :-2]) ** 2, axis=(1, 2)) + 1e-12),
