@@ -259,7 +259,8 @@ class ClosedLoop:
             return
         source = "rendering" if self._looker.info.simulated else "readout"
         for look in self._looks:
-            if look.time < self._since:
+            # a stamp that no body believes says nothing about how long its light took
+            if look.time < self._since or not any(body.dated(look.time, now) for body in self.bodies):
                 continue
             half = 0.5 * look.exposure
             self._open.append({

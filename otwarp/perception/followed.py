@@ -119,6 +119,10 @@ class FollowedBody:
         """Whether its orientation is known as well."""
         return self._body.rigid and bool(np.any(self.shape.axis))
 
+    def dated(self, time: float, now: float) -> bool:
+        """Whether a stamp can be that of an image which is looked at `now`, on the session's clock [s]."""
+        return now - self._rule.lag <= time <= now + AHEAD
+
     def take(self, seen: Measurement | None, why: str, now: float) -> None:
         """Put in what a look at it said.
 
@@ -130,7 +134,7 @@ class FollowedBody:
         if seen is None:
             self._said = why
             return
-        if not now - self._rule.lag <= seen.time <= now + AHEAD:
+        if not self.dated(seen.time, now):
             late = now - seen.time
             side = f"{late:.3g} s behind" if late > 0.0 else f"{-late:.3g} s ahead of"
             self._said = f"stamps of the camera are {side} the clock, allowed up to {self._rule.lag:g} s behind"

@@ -12,6 +12,7 @@ from otwarp.perception.camera import CameraLost
 from otwarp.perception.estimator import Estimator
 from otwarp.perception.followed import LostRule
 from otwarp.perception.plant import PlantOptions
+from otwarp.teleop.operators.servo import LinkedClock
 from otwarp.vision.networks.estimate import Estimate
 from tests.perception.scenes import SIZE, TOP, Lab, estimator
 
@@ -139,6 +140,18 @@ def test_what_is_not_seen_is_not_felt(lab, change, said, at_once):
     first, news = one.stage.news
     assert "is lost: not seen yet" in first and said in news
     assert news.startswith("right hand: feels nothing until it is seen again: /World/bead_right is lost: ")
+
+
+def test_a_stamp_that_is_refused_is_no_latency(lab, monkeypatch):
+    """One image that claims to be of a second later is not among those that say how long light takes to a state."""
+    monkeypatch.setattr("otwarp.perception.closed_loop.RealClock", LinkedClock)
+    one = lab(
+        wrap=lambda camera: Broken(camera, lambda n, frame: replace(frame, time=frame.time + (n == 10))),
+        rule=LostRule(after=1.0),
+    )
+    one.run(36)
+    perception = one.perception
+    assert perception.bodies[0].refused == 1 and len(perception.latency) == perception.frames - 1
 
 
 class Blinking:
