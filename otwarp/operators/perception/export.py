@@ -9,10 +9,28 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.files import written
+from otwarp.operators.perception.probe import FREQUENCIES
 from otwarp.operators.perception.summary import COMPARED, NUMBERS, Maps, verdict
 from otwarp.operators.perception.sweep import AXES
 
 NOTE = "simulated operators; nothing here was measured on people"
+
+MEANINGS = {
+    "success": ("share of simulated trials that deliver", "1"),
+    "lost": ("share of simulated trials that lose a robot or the cell", "1"),
+    **NUMBERS,
+    **{f"phase_{f:g}hz": (f"phase of the force on a hand that moves at {f:g} Hz", "°") for f in FREQUENCIES},
+    **{f"gain_{f:g}hz": (f"force on a hand that moves at {f:g} Hz, over the perfect one", "1") for f in FREQUENCIES},
+    "sway": ("place of a hand that is held still, root mean square", "m"),
+}
+"""Maps that are no difference, with meaning and unit."""
+ENDS = {
+    "_low": ", low end of the 95 % interval",
+    "_high": ", high end of the 95 % interval",
+    "_minus_perfect": ", less that without errors and delay",
+    "_minus_without": ", less that without haptics",
+}
+"""What the end of a name adds to its meaning."""
 
 
 def plain(found: Maps) -> dict[str, Any]:
@@ -41,16 +59,24 @@ def dataset(found: Maps) -> Any:
     except ImportError as error:
         raise InputError(f"--export: {error}; allowed: with pip install xarray") from None
     dims = tuple(found.axes)
-    about = {**NUMBERS, "sway": ("place of a hand that is held still, root mean square", "m")}
     out = xarray.Dataset(
         {name: (dims, values) for name, values in found.maps.items()},
         coords=dict(found.axes),
         attrs={"note": NOTE, "operators": found.operators, "population_sha256": found.asked["population"]},
     )
-    for name, (meaning, unit) in {**about, **AXES}.items():
-        if name in out.variables:
-            out[name].attrs = {"long_name": meaning, "units": unit}
+    for name in map(str, out.variables):
+        meaning, unit = AXES[name] if name in AXES else meaning_of(name)
+        out[name].attrs = {"long_name": meaning, "units": unit}
     return out
+
+
+def meaning_of(name: str) -> tuple[str, str]:
+    """Meaning and unit of a map: of one of `MEANINGS`, of its difference, or of an end of its interval."""
+    for end, said in ENDS.items():
+        if name.endswith(end):
+            meaning, unit = meaning_of(name.removesuffix(end))
+            return meaning + said, unit
+    return MEANINGS[name]
 
 
 def export(found: Maps, file: Path) -> Path:

@@ -145,8 +145,8 @@ def _probed(probes: dict[str, np.ndarray], count: int) -> dict[str, np.ndarray]:
 
 
 def verdict(row: dict[str, float], what: str) -> str:
-    """What a cell is by one of `COMPARED`: "as good as no error", "worse than no haptics", "worse" than no error, or
-    "" where it is neither told from one nor the other; by intervals of 95 %."""
+    """What a cell is by one of `COMPARED`: "worse than no haptics", "worse" than no error, or
+    "as good as no error", as far as intervals of 95 % of so many simulated operators tell."""
     sign = COMPARED[what][1]
     end = "_high" if sign > 0.0 else "_low"
     below = {name: sign * row[f"{what}_minus_{name}{end}"] < 0.0 for name in ("perfect", "without")}

@@ -165,6 +165,10 @@ def test_the_command_line(done, tmp_path):
     with xarray.open_dataset(data) as table:
         assert table["success"].dims == ("delay", "depth_error", "tilt_error", "frame_rate")
         assert table["force_rmse_pn"].attrs["units"] == "pN" and "simulated" in table.attrs["note"]
+        assert all(table[name].attrs["units"] and table[name].attrs["long_name"] for name in table.variables)
+        assert table["success_minus_without_low"].attrs["long_name"] == (
+            "share of simulated trials that deliver, less that without haptics, low end of the 95 % interval"
+        )
 
 
 @pytest.mark.parametrize("wrong", ["0:500", "0:500:0", "5:1:1,", "1,0", "a", "", "0:1:1e-9", "0,2000"])
