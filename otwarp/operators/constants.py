@@ -79,7 +79,7 @@ def felt_by(configs: Sequence[HandConfig], local: LocalScene, traps: int | None)
         traps: Of the scene; None for as many as the hands' indices need.
 
     Raises:
-        InputError: A hand without a trap, a trap that is not there or has no law, a law that no operator can feel,
+        InputError: A hand without a trap, a trap that is not there or has no law, a law that no hand can feel,
             paper mode with a table.
     """
     for config in configs:

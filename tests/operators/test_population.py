@@ -1,9 +1,12 @@
 """The committed population: frozen, sourced, and drawn alike wherever an operator is drawn."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy import stats
 
+import otwarp.operators
 from otwarp.errors import InputError
 from otwarp.operators.population import load_population, read_population
 
@@ -64,3 +67,14 @@ def test_a_file_that_is_none_is_refused(population, old, new, said):
     with pytest.raises(InputError, match="population") as error:
         read_population(population.text.replace(old, new, 1))
     assert said in str(error.value)
+
+
+def test_whoever_speaks_of_an_operator_calls_it_simulated():
+    """In every file of the room; names of modules in imports are no speech."""
+    files = sorted(Path(otwarp.operators.__file__).parent.rglob("*.py"))
+    assert len(files) > 30
+    for file in files:
+        lines = [line for line in file.read_text(encoding="utf-8").lower().splitlines() if "import" not in line]
+        spoken = [line.replace("otwarp.operators", "").replace("teleop.operators", "") for line in lines]
+        if any("operator" in line for line in spoken):
+            assert any("simulated" in line for line in spoken), file

@@ -1,4 +1,4 @@
-"""From the chain's commands to the traps, and what is kept of a trial."""
+"""From the chain's commands to the traps, and what is kept of a simulated operator's trial."""
 
 import warp as wp
 

@@ -1,8 +1,8 @@
 """Whether an obstacle that moves is about to be in the way, and whether waiting would help.
 
-An operator sees where it was a visual delay ago and how fast, and expects it to go on so. Of going on along the path
-and of waiting where the last submovement ends, the one that keeps farther from it is chosen, unless going on keeps
-the clearance that the operator wants.
+A simulated operator sees where it was a visual delay ago and how fast, and expects it to go on so. Of going on along
+the path and of waiting where the last submovement ends, the one that keeps farther from it is chosen, unless going on
+keeps the clearance that the operator wants.
 """
 
 import functools

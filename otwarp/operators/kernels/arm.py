@@ -1,4 +1,4 @@
-"""The passive arm: hand and device as a mass on a spring and a damper about where the arm wants to be."""
+"""A simulated operator's passive arm: with the device a mass on a spring and a damper about where it wants to be."""
 
 import warp as wp
 

@@ -1,4 +1,4 @@
-"""Courses: how a submovement goes on in time, and where a path is."""
+"""Courses: how a simulated operator's submovement goes on in time, and where a path is."""
 
 import warp as wp
 

@@ -1,7 +1,7 @@
 """What of the simulation's state the servo's chain and the operator's eyes get, a picture at a time: all of it, now.
 
-Spheres and traps as the chain has them, and what an operator makes of a picture. What a camera, an estimator or a line
-changes of it is in `perception`.
+Spheres and traps as the chain has them, and what a simulated operator makes of a picture. What a camera, an
+estimator or a line changes of it is in `perception`.
 """
 
 import warp as wp

@@ -1,4 +1,4 @@
-"""Pictures, estimates and delays between states and servo chains, on the device: `Sensing`."""
+"""Pictures, estimates and delays between states and simulated operators' servo chains, on the device: `Sensing`."""
 
 from __future__ import annotations
 
