@@ -29,8 +29,6 @@ from otwarp.errors import InputError
 from otwarp.scene import Scene
 from otwarp.simulation.simulation import Simulation
 from otwarp.studies import Study, delivered, grid, run_study, trapped, trials, values
-from otwarp.studies.engines.local import on_this_host
-from otwarp.studies.engines.run import prepare
 from otwarp.studies.runner import origin_of, parameter_rows, start_rows
 
 SCENES = Path(__file__).parent.parent / "scenes"
@@ -40,8 +38,6 @@ MAP = {"cpu": (16, 64), "cuda": FULL}
 """The same of the map that is run."""
 HELD = {"cpu": 4_096, "cuda": 1_048_576}
 """Trials that all go on to the end, beside as many worlds that are stepped and nothing else."""
-TASKS = {"cpu": 2, "cuda": 6}
-"""Tasks of so many held trials each, one after the other."""
 SHORT = {"cpu": 4_096, "cuda": 1_048_576}
 """Trials that end early."""
 DELIVERIES = {"cpu": 16, "cuda": 100_000}
@@ -63,12 +59,7 @@ def capture_map(points: int, each: int, until: float = 1.0) -> Study:
 
 def at_one_point(power: float, start: float, count: int) -> Study:
     """So many trials of one point of the map."""
-    return at_points([power], start, count)
-
-
-def at_points(powers: Sequence[float], start: float, count: int) -> Study:
-    """So many trials of each of some points of the map."""
-    axes = {"trap_power": values(powers, unit="mW"), "start.x:/World/bead": values([start], unit="µm")}
+    axes = {"trap_power": values([power], unit="mW"), "start.x:/World/bead": values([start], unit="µm")}
     return Study(
         SCENES / "table_trap.usda",
         axes=axes,
@@ -139,28 +130,6 @@ def over_bare_steps(device: wp.Device, kind: str, rounds: int) -> Quartiles:
     whole = partial(computed, study, device)
     steps()
     return interleaved({"": (timed(whole, device), timed(steps, device))}, rounds)[""].ratio()
-
-
-def tasks_over_bare_steps(device: wp.Device, kind: str, rounds: int) -> Quartiles:
-    """The same of several tasks, one after the other, whose blocks are written; their folders are made before."""
-    count, powers = TASKS[kind], [5.0 - 0.01 * n for n in range(TASKS[kind])]
-    study = at_points(powers, 0.2, HELD[kind]).in_blocks((1, 1))
-    steps = bare(at_one_point(5.0, 0.2, HELD[kind]), device)
-    engine = on_this_host([str(device)])
-    with tempfile.TemporaryDirectory() as folder:
-        stores = [prepare(study, Path(folder) / str(n)) for n in range(rounds + 1)]
-
-        def whole() -> None:
-            """All tasks."""
-            engine(study, stores.pop(), range(len(study.blocks())), lambda done, of: None)
-
-        def alone() -> None:
-            """As many bare steps."""
-            for _ in range(count):
-                steps()
-
-        whole()
-        return interleaved({"": (timed(whole, device), timed(alone, device))}, rounds)[""].ratio()
 
 
 def compaction(device: wp.Device, kind: str, rounds: int) -> dict[str, Any]:
@@ -282,8 +251,7 @@ def measure(
     if setup:
         return Section(name="study", kind=kind, machine=machine, tables=[set_up], asked="--setup")
     rows, found = map_rows(place, kind)
-    over, tasks = over_bare_steps(place, kind, rounds), tasks_over_bare_steps(place, kind, rounds)
-    ended, sent = compaction(place, kind, rounds), delivery(place, kind)
+    over, ended, sent = over_bare_steps(place, kind, rounds), compaction(place, kind, rounds), delivery(place, kind)
     clock = "; processor time" if kind == "cpu" else ""
     tables = [
         Table(
@@ -292,7 +260,7 @@ def measure(
             rows=rows,
             note=f"{found['steps']:,} steps a trial; kernels compiled before, the store written{clock}.",
         ),
-        bare_table(over, tasks, ended, kind),
+        bare_table(over, ended, kind),
         set_up,
         Table(
             title="The shipped cell delivery",
@@ -309,7 +277,6 @@ def measure(
         ),
     ]
     data: dict[str, Any] = {"map": found, "over_bare_steps": vars(over), "compaction": ended, "delivery": sent}
-    data["tasks_over_bare_steps"] = vars(tasks)
     if ray:
         walls = shared_out(rounds)
         tables.append(walls_table(walls))
@@ -325,20 +292,14 @@ def measure(
     return Section(name="study", kind=kind, machine=machine, tables=tables, data=data, asked=asked)
 
 
-def bare_table(over: Quartiles, tasks: Quartiles, ended: dict[str, Any], kind: str) -> Table:
-    """Studies over bare steps, of trials that are held, alone and in several tasks, and of such that end early."""
+def bare_table(over: Quartiles, ended: dict[str, Any], kind: str) -> Table:
+    """Studies over bare steps, of trials that are held and of such that end early."""
     early = Quartiles(**ended["time"]).text()
     return Table(
         title="A study over the bare steps of as many worlds",
         head=("trials", "steps needed of all", "time over bare steps", "needed over taken"),
         rows=[
             (f"{HELD[kind]:,} that are held to the end", "1", over.text(), f"{1.0 / over.median:.3g}"),
-            (
-                f"{TASKS[kind]} × {HELD[kind]:,} that are held, a task each, written",
-                "1",
-                tasks.text(),
-                f"{1.0 / tasks.median:.3g}",
-            ),
             (f"{SHORT[kind]:,} that end early", f"{ended['needed']:.3g}", early, f"{ended['efficiency']:.3g}"),
         ],
         note="Bare steps go on to the end whatever happens, as a study would in which trials that ended stepped on.",

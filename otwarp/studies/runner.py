@@ -26,14 +26,9 @@ from otwarp.studies.design import turned
 from otwarp.studies.observables import Observable
 from otwarp.studies.quantity import ratio
 from otwarp.studies.targets import Target
-from otwarp.studies.turns import Turns
 
 MANY = 2**15
 """Worlds from which on a GPU steps each in one thread."""
-
-UNSEEN = 4
-"""Times that worlds are given steps before the host looks how many are left: a GPU idles from there to the next steps,
-and threads without a world return at once."""
 
 FARTHEST = 4.0
 """Deviations that a scattered parameter is off at most: normal numbers are drawn within, so that it is known before a
@@ -111,7 +106,6 @@ class Runner:
         beside: dict[Target, np.ndarray] | None = None,
         device: str,
         threads: int | None = None,
-        turns: Turns | None = None,
     ) -> Outcomes:
         """Run trials, each in a world of its own.
 
@@ -124,21 +118,17 @@ class Runner:
                 sphere a trap holds and how contacts are solved, is chosen for all of them; None: for these alone.
             device: Where.
             threads: On a CPU; None for as many as there are cores.
-            turns: Of batches that share the device; None: it is this one's alone.
         """
-        turns = turns or Turns()
-        with turns.setup():
-            sim = self.simulation(scene, values, trials, which=which, beside=beside, device=device, threads=threads)
-            observer = _Observer(sim, self.numbers) if self.numbers else None
-        with turns.steps():
-            for n, done in enumerate(range(0, self.steps, self.every), start=1):
-                turns.check()
-                count = min(self.every, self.steps - done)
-                sim.step(count, look=n % UNSEEN == 0)
-                if observer is not None:
-                    observer.look(count)
-                if not sim.episodes.at_most:  # as nothing but ends stops worlds here; `running` brings a number of each
-                    break
+        sim = self.simulation(scene, values, trials, which=which, beside=beside, device=device, threads=threads)
+        observer = _Observer(sim, self.numbers) if self.numbers else None
+        done = 0
+        # exact, as nothing but ends stops worlds here, and there already: `running` would bring a number of each
+        while done < self.steps and sim.episodes.at_most:
+            count = min(self.every, self.steps - done)
+            sim.step(count)
+            done += count
+            if observer is not None:
+                observer.look(count)
         return self._outcomes(sim, observer)
 
     def simulation(

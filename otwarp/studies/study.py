@@ -25,7 +25,6 @@ from otwarp.studies.runner import Runner
 from otwarp.studies.stopping.rules import Stop
 from otwarp.studies.store import Variable
 from otwarp.studies.targets import Target, target_of
-from otwarp.studies.turns import Turns
 
 BLOCK_TRIALS = 2**14
 """Trials of a block of points, at most: what is kept when something ends a study, and one chunk of its store."""
@@ -225,13 +224,7 @@ class Study:
         return found, {"trial": self.stop.at_most}
 
     def compute(
-        self,
-        numbers: Sequence[int],
-        *,
-        device: str,
-        threads: int | None = None,
-        worlds: int | None = None,
-        turns: Turns | None = None,
+        self, numbers: Sequence[int], *, device: str, threads: int | None = None, worlds: int | None = None
     ) -> list[dict[str, np.ndarray]]:
         """Compute blocks side by side: of each its arrays by the names of the store.
 
@@ -242,9 +235,8 @@ class Study:
             device: Where.
             threads: On a CPU.
             worlds: Trials that run at once, at most; None: as many as there is memory for. Results do not depend on it.
-            turns: With others that compute on the same device; None: there are none.
         """
-        return compute_blocks(self, numbers, device=device, threads=threads, worlds=worlds, turns=turns or Turns())
+        return compute_blocks(self, numbers, device=device, threads=threads, worlds=worlds)
 
     def run(self, folder: str | Path, **how: Any) -> Any:
         """Compute what is missing of the study in a folder, and give all of it as an `xarray.Dataset`.

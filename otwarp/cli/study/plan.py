@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 def plan(file: Path, device: str | None, as_json: bool) -> None:
     """Say what the study in STUDY will compute, and how long that takes on this machine."""
     from otwarp.device import pick_device
-    from otwarp.studies.engines.local import batches_of
+    from otwarp.studies.engines.local import batch_of
     from otwarp.studies.engines.memory import room_of
     from otwarp.studies.file import load_study
     from otwarp.studies.plan import estimate
@@ -39,9 +39,8 @@ def plan(file: Path, device: str | None, as_json: bool) -> None:
         return
     found = study.plan()
     seconds, where = estimate(study, device)
-    batches, most = batches_of(study, gpu=where.startswith("cuda"))
-    room = room_of(study, device, batches)
-    at_once = min(batches * min(room.worlds, most), found.trials[1])
+    room = room_of(study, device)
+    at_once = min(room.worlds, found.trials[1], batch_of(study, gpu=where.startswith("cuda")))
     if as_json:
         memory = {"bytes": room.each * at_once, "free": room.free, "trials_at_once": at_once}
         said = dataclasses.asdict(found) | {"seconds": {"least": seconds[0], "most": seconds[1]}, "device": where}

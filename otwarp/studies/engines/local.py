@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -16,7 +15,6 @@ from otwarp.errors import InputError
 from otwarp.studies.any_study import AnyStudy
 from otwarp.studies.design import box_of
 from otwarp.studies.store import Store
-from otwarp.studies.turns import Turns
 
 Progress = Callable[[int, int], None]
 """(blocks done, blocks in all), called when one is."""
@@ -87,26 +85,10 @@ def tasks(study: AnyStudy, todo: Sequence[int], *, gpu: bool, workers: int = 1) 
     return found
 
 
-AT_ONCE = 2
-"""Tasks that a GPU has at once: one takes its steps while the host sets the next one up, or reads the last one."""
-
-
-def batches_of(study: AnyStudy, *, gpu: bool) -> tuple[int, int]:
-    """How many tasks a device has at once, and trials of the largest, at most."""
-    found = tasks(study, range(len(study.blocks())), gpu=gpu)
-    trials = max(len(task) for task in found) * study.stop.at_most * study.points_of_a_block
-    return min(AT_ONCE if gpu else 1, len(found)), trials
-
-
-Lane = tuple[str, Turns]
-"""Of one of the tasks that are computed at once: its device, and with whom it shares that."""
-
-
-def lanes_of(devices: Sequence[str], count: int) -> list[Lane]:
-    """Lanes for so many tasks, the first of each device first."""
-    each = min(AT_ONCE, max(1, -(-count // len(devices)))) if devices[0].startswith("cuda") else 1
-    turns = [Turns(each) for _ in devices]
-    return [*zip(devices, turns, strict=True)] * each
+def batch_of(study: AnyStudy, *, gpu: bool) -> int:
+    """Trials of the largest task, at most."""
+    every = range(len(study.blocks()))
+    return max(len(task) for task in tasks(study, every, gpu=gpu)) * study.stop.at_most * study.points_of_a_block
 
 
 def _new_trials(study: AnyStudy, todo: Sequence[int]) -> list[int]:
@@ -157,16 +139,15 @@ def _joined(found: Sequence[Found], places: Sequence[tuple[slice, ...]], box: tu
 
 
 def on_this_host(devices: Sequence[str]) -> Engine:
-    """The engine of this process: a core computes blocks in a thread of its own, a GPU in two that take turns."""
+    """The engine of this process: every device computes blocks in a thread of its own."""
 
     def run(study: AnyStudy, store: Store, todo: Sequence[int], progress: Progress) -> None:
         """Compute blocks; a block is kept as soon as it is whole."""
-        waiting = tasks(study, todo, gpu=devices[0].startswith("cuda"), workers=len(devices))
+        waiting = iter(tasks(study, todo, gpu=devices[0].startswith("cuda"), workers=len(devices)))
         count = len(study.blocks())
         done = len(store.finished())
         alone = len(devices) == 1 and devices[0] == "cpu"  # interrupts are answered where they arrive
-        lanes = lanes_of(devices, len(waiting))
-        compute = _one_by_one(study, store, waiting) if alone else side_by_side(study, store, waiting, lanes)
+        compute = _one_by_one(study, store, waiting) if alone else _side_by_side(study, store, waiting, devices)
         for numbers in compute:
             done += len(numbers)
             progress(done, count)
@@ -174,48 +155,33 @@ def on_this_host(devices: Sequence[str]) -> Engine:
     return run
 
 
-def _one_by_one(study: AnyStudy, store: Store, waiting: Sequence[list[int]]) -> Iterator[list[int]]:
+def _one_by_one(study: AnyStudy, store: Store, waiting: Iterator[list[int]]) -> Iterator[list[int]]:
     for numbers in waiting:
         compute_and_keep(study, store, numbers, "cpu")
         yield numbers
 
 
-def side_by_side(
-    study: AnyStudy, store: Store, given: Sequence[list[int]], lanes: Sequence[Lane]
+def _side_by_side(
+    study: AnyStudy, store: Store, waiting: Iterator[list[int]], devices: Sequence[str]
 ) -> Iterator[list[int]]:
-    """A thread per lane computes, one more writes: disks do not keep devices waiting.
-
-    Args:
-        study: What is computed.
-        store: Gets the blocks.
-        given: Tasks, each the numbers of its blocks.
-        lanes: Who computes them.
-
-    Yields:
-        The tasks whose blocks are kept.
-    """
-    waiting, free = iter(given), list(reversed(lanes))
-    devices = len(set(lanes))
-    computing: dict[Future[Any], tuple[Lane, list[int]]] = {}
+    """A thread per device computes, one more writes: disks do not keep devices waiting."""
+    free = list(devices)
+    computing: dict[Future[Any], tuple[str, list[int]]] = {}
     writing: dict[Future[Any], list[int]] = {}
-    with contextlib.ExitStack() as end:
-        # Warp makes a device the default one while it copies from there to the host
-        end.enter_context(wp.ScopedDevice(wp.get_device()))
-        pool, writer = (end.enter_context(ThreadPoolExecutor(n)) for n in (len(lanes), 1))
-        for _, turns in lanes:
-            end.callback(turns.end)  # before the threads are waited for
+    # Warp makes a device the default one while it copies from there to the host
+    with wp.ScopedDevice(wp.get_device()), ThreadPoolExecutor(len(devices)) as pool, ThreadPoolExecutor(1) as writer:
         while True:
             for numbers in itertools.islice(waiting, len(free)):
-                device, turns = lane = free.pop()
-                computing[pool.submit(study.compute, numbers, device=device, turns=turns)] = lane, numbers
+                device = free.pop()
+                computing[pool.submit(study.compute, numbers, device=device)] = device, numbers
             if not computing and not writing:
                 return
             # what is computed waits for the writer in memory: not more than a task per device
-            pending = {*computing, *writing} if len(writing) <= devices else {*writing}
+            pending = {*computing, *writing} if len(writing) <= len(devices) else {*writing}
             for task in wait(pending, return_when=FIRST_COMPLETED).done:
                 if task in computing:
-                    lane, numbers = computing.pop(task)
-                    free.append(lane)
+                    device, numbers = computing.pop(task)
+                    free.append(device)
                     writing[writer.submit(keep, study, store, numbers, task.result())] = numbers
                 else:
                     task.result()

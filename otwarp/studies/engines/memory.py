@@ -39,7 +39,7 @@ class Room:
         device: Its name.
         free: Memory that is free there [bytes].
         each: What a trial takes [bytes].
-        worlds: Trials that a batch has at once, at most.
+        worlds: Trials that run at once, at most.
     """
 
     device: str
@@ -80,15 +80,12 @@ def _group_allows() -> int | None:
         return None
 
 
-def worlds_at_once(study: AnyStudy, device: str, batches: int = 1) -> int:
-    """Trials of a study in one of some batches that a device holds at once, at most.
-
-    Known without making any where there is plenty of room.
-    """
+def worlds_at_once(study: AnyStudy, device: str) -> int:
+    """Trials of a study that run at once on a device, at most; known without making any where there is plenty."""
     roughly = ROUGHLY * HOST * world_bytes(study.design.scene, study.options.precision)
-    if batches * LARGEST * roughly <= SHARE * free_bytes(device):
+    if LARGEST * roughly <= SHARE * free_bytes(device):
         return LARGEST
-    return room_of(study, device, batches).worlds
+    return room_of(study, device).worlds
 
 
 def rough_worlds(scene: Scene, precision: str, device: str) -> int:
@@ -97,14 +94,8 @@ def rough_worlds(scene: Scene, precision: str, device: str) -> int:
     return int(np.clip(fit, 1, LARGEST))
 
 
-def room_of(study: AnyStudy, device: str | None = None, batches: int = 1) -> Room:
-    """What the trials of a study take on a device, from a few worlds that are made there, and how many fit.
-
-    Args:
-        study: The study.
-        device: Where; None: the best there is.
-        batches: How many share the device.
-    """
+def room_of(study: AnyStudy, device: str | None = None) -> Room:
+    """What the trials of a study take on a device, from a few worlds that are made there, and how many fit."""
     place = str(pick_device(device))
     points, values = study.design.groups(np.arange(min(study.design.points, 2)))[0]
     scene = study.design.scene_of(values)
@@ -118,7 +109,7 @@ def room_of(study: AnyStudy, device: str | None = None, batches: int = 1) -> Roo
     each = max(-(-(last - first) // (PROBED[1] - PROBED[0])), world_bytes(scene, study.options.precision))
     each *= 1 if place.startswith("cuda") else HOST
     free = free_bytes(place)
-    return Room(place, free, each, int(np.clip(int(SHARE * free) // (batches * each), 1, LARGEST)))
+    return Room(place, free, each, int(np.clip(int(SHARE * free) // each, 1, LARGEST)))
 
 
 def _size(item: Any) -> int:
