@@ -32,7 +32,7 @@ def compute_blocks(
         trials.take(before, after)
     else:
         row = study.design.shape[-1] if study.design.shape else 1
-        while True:
+        while np.any(trials.done < study.stop.at_most):
             wanted = study.stop.wanted(successes(study, trials.code, trials.time, trials.done), trials.done, row)
             if np.all(wanted <= trials.done):
                 break

@@ -30,6 +30,10 @@ from otwarp.studies.targets import Target
 MANY = 2**15
 """Worlds from which on a GPU steps each in one thread."""
 
+UNSEEN = 4
+"""Times that worlds are given steps before the host looks how many are left: a GPU idles from there to the next steps,
+and threads without a world return at once."""
+
 FARTHEST = 4.0
 """Deviations that a scattered parameter is off at most: normal numbers are drawn within, so that it is known before a
 study runs what all of its trials will meet."""
@@ -121,14 +125,13 @@ class Runner:
         """
         sim = self.simulation(scene, values, trials, which=which, beside=beside, device=device, threads=threads)
         observer = _Observer(sim, self.numbers) if self.numbers else None
-        done = 0
-        # exact, as nothing but ends stops worlds here, and there already: `running` would bring a number of each
-        while done < self.steps and sim.episodes.at_most:
+        for n, done in enumerate(range(0, self.steps, self.every), start=1):
             count = min(self.every, self.steps - done)
-            sim.step(count)
-            done += count
+            sim.step(count, look=n % UNSEEN == 0)
             if observer is not None:
                 observer.look(count)
+            if not sim.episodes.at_most:  # as nothing but ends stops worlds here; `running` brings a number of each
+                break
         return self._outcomes(sim, observer)
 
     def simulation(

@@ -91,7 +91,7 @@ def test_a_look_brings_two_numbers_to_the_host(scene, monkeypatch):
     study.compute([0], device="cpu")
     brought: list[list[int]] = []
     numpy, step = wp.array.numpy, Simulation.step
-    monkeypatch.setattr(Simulation, "step", lambda sim, steps: brought.append([]) or step(sim, steps))
+    monkeypatch.setattr(Simulation, "step", lambda sim, n, **how: brought.append([]) or step(sim, n, **how))
     monkeypatch.setattr(wp.array, "numpy", lambda a: (brought and brought[-1].append(a.size)) or numpy(a))
     study.compute([0], device="cpu")
     assert len(brought) > 30
