@@ -121,15 +121,16 @@ class CapturedNetwork:
     """A network in use on a GPU, recorded once for each small number of images and replayed.
 
     Args:
-        network: Module of torch on a GPU, whose weights stay.
+        look: What the network says of images, uint8 (n, height, width) on the GPU; launches alone, of weights that
+            stay.
     """
 
-    def __init__(self, network: Any):
-        self.network = network
+    def __init__(self, look: Callable[[Any], dict[str, Any]]):
+        self.look = look
         self.graphs: dict[int, tuple[Any, Any, dict[str, Any]]] = {}
 
     def __call__(self, images: Any) -> dict[str, Any]:
-        """What the network says of images, uint8 (n, size, size); the next call overwrites it."""
+        """What the network says of images; the next call overwrites it."""
         if len(images) not in self.graphs:
             self.graphs[len(images)] = self._captured(images.clone())
         graph, shown, said = self.graphs[len(images)]
@@ -139,7 +140,6 @@ class CapturedNetwork:
 
     def _captured(self, images: Any) -> tuple[Any, Any, dict[str, Any]]:
         """A graph, the images that it reads, and what it writes."""
-        look = lambda: self.network(images.float() / 255.0)  # noqa: E731
-        warm_up(look, images.device)
+        warm_up(lambda: self.look(images), images.device)
         graph = torch_library().cuda.CUDAGraph()
-        return graph, images, capture(graph, look, images.device)
+        return graph, images, capture(graph, lambda: self.look(images), images.device)

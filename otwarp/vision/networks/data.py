@@ -47,6 +47,32 @@ def area_weights(count: int, wanted: int) -> np.ndarray:
     return np.maximum(covered, 0.0) * wanted / count
 
 
+class Resizing:
+    """Images of one shape made as large as a network takes them; those that are so large stay as they are.
+
+    Args:
+        shape: Height and width of the images [pixels].
+        size: Side after resizing [pixels].
+        device: torch's.
+    """
+
+    def __init__(self, shape: tuple[int, int], size: int, device: Any):
+        torch = torch_library()
+        self._weights = () if tuple(shape) == (size, size) else tuple(
+            torch.from_numpy(area_weights(n, size)).float().to(device) for n in shape)  # fmt: skip
+
+    def __call__(self, images: Any) -> Any:
+        """uint8 (n, size, size) of (n, height, width) ones on the device; launches alone, so that graphs hold it."""
+        if not self._weights:
+            return images
+        torch = torch_library()
+        from otwarp.vision.networks.modules.network import resized
+
+        # eight bits are more than bf16 holds
+        with torch.autocast(images.device.type, enabled=False):
+            return resized(images, *self._weights).to(torch.uint8)
+
+
 def on_device(images: Any, index: np.ndarray, shape: tuple[int, int], size: int, device: Any) -> Any:
     """uint8 (n, size, size) of a data set's images on a device.
 
@@ -58,14 +84,10 @@ def on_device(images: Any, index: np.ndarray, shape: tuple[int, int], size: int,
         device: torch's.
     """
     torch = torch_library()
-    from otwarp.vision.networks.modules.network import resized
-
-    out = torch.empty(len(index), size, size, dtype=torch.uint8, device=device)
-    shares = () if tuple(shape) == (size, size) else tuple(
-        torch.from_numpy(area_weights(n, size)).float().to(device) for n in shape)  # fmt: skip
+    out, resizing = torch.empty(len(index), size, size, dtype=torch.uint8, device=device), Resizing(shape, size, device)
     for start in range(0, len(index), BLOCK):
-        some = torch.from_numpy(np.ascontiguousarray(images(index[start : start + BLOCK]))).to(device)
-        out[start : start + BLOCK] = resized(some, *shares).to(torch.uint8) if shares else some
+        some = torch.from_numpy(np.ascontiguousarray(images(index[start : start + BLOCK])))
+        out[start : start + BLOCK] = resizing(some.to(device))
     return out
 
 

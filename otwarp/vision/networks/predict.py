@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from otwarp.vision.networks.captured import CapturedNetwork
 from otwarp.vision.networks.library import torch_library
 from otwarp.vision.networks.targets import Targets
 
 BATCH = 256
-FEW = 16
-"""Images up to which a GPU waits for launches."""
+"""Images that a network is shown at a time, at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,13 +47,7 @@ def arithmetic(precision: str, device: Any) -> AbstractContextManager[Any]:
 
 
 def predict(
-    network: Any,
-    targets: Targets,
-    images: Any,
-    *,
-    precision: str = "float32",
-    widen: tuple[float, ...] = (),
-    captured: CapturedNetwork | None = None,
+    network: Any, targets: Targets, images: Any, *, precision: str = "float32", widen: tuple[float, ...] = ()
 ) -> Predictions:
     """Show images to a network.
 
@@ -63,22 +56,32 @@ def predict(
         targets: What it says.
         images: uint8 (n, size, size) on its device.
         precision: As of `Settings`.
-        widen: (k) factors of the standard deviations, as calibration found them; none for 1.
-        captured: The same network, recorded, for up to `FEW` images; None to launch every kernel.
+        widen: As of `gathered`.
     """
     torch = torch_library()
     was = network.training
-    if was:
-        network.eval()  # visits every layer, which takes as long as an image on a GPU
-    found: dict[str, list[np.ndarray]] = {}
+    network.eval()
     with torch.inference_mode(), arithmetic(precision, images.device):
-        for start in range(0, len(images), BATCH):
-            some = images[start : start + BATCH]
-            said = captured(some) if captured is not None and len(some) <= FEW else network(some.float() / 255.0)
-            for name, value in said.items():
-                found.setdefault(name, []).append(value.float().cpu().numpy().astype(float))
-    if was:
-        network.train()
+        found = gathered(lambda some: network(some.float() / 255.0), images, targets, widen)
+    network.train(was)
+    return found
+
+
+def gathered(
+    look: Callable[[Any], dict[str, Any]], images: Any, targets: Targets, widen: tuple[float, ...] = ()
+) -> Predictions:
+    """What is said of images, `BATCH` at a time.
+
+    Args:
+        look: What a network says of some images.
+        images: n of them.
+        targets: What it says.
+        widen: (k) factors of the standard deviations, as calibration found them; none for 1.
+    """
+    found: dict[str, list[np.ndarray]] = {}
+    for start in range(0, len(images), BATCH):
+        for name, value in look(images[start : start + BATCH]).items():
+            found.setdefault(name, []).append(value.float().cpu().numpy().astype(float))
     whole = {name: np.concatenate(parts) for name, parts in found.items()}
     if "factor" in whole:
         factor = whole.pop("factor")

@@ -12,12 +12,15 @@ from otwarp.errors import InputError
 from otwarp.vision.networks import checkpoint
 from otwarp.vision.networks.build import rebuilt
 from otwarp.vision.networks.captured import CapturedNetwork
-from otwarp.vision.networks.data import on_device
+from otwarp.vision.networks.data import Resizing
 from otwarp.vision.networks.estimate import Estimate
 from otwarp.vision.networks.library import check_device_name, threads_of, torch_device, torch_library
-from otwarp.vision.networks.predict import Predictions, predict
+from otwarp.vision.networks.predict import Predictions, gathered
 from otwarp.vision.networks.targets import Targets
 from otwarp.vision.networks.weights import put
+
+FEW = 16
+"""Images up to which a GPU waits for launches."""
 
 
 class Estimator(ABC):
@@ -108,13 +111,21 @@ class TorchEstimator(Estimator):
         self.network = module.to(where).to(memory_format=torch_library().channels_last).eval()
         for parameter in self.network.parameters():
             parameter.requires_grad_(False)
-        self._captured = CapturedNetwork(self.network) if where.type == "cuda" else None
+        self._resizing = Resizing(self.shape, about["size"], where)
+        self._captured = CapturedNetwork(self._seen) if where.type == "cuda" else None
 
     def _predict(self, images: np.ndarray) -> Predictions:
-        with threads_of(self._threads):
-            on = on_device(images.__getitem__, np.arange(len(images)), self.shape, self.about["size"], self.device)
-            return predict(self.network, self.targets, on, widen=tuple(self.about["widen"]),
-                           captured=self._captured)  # fmt: skip
+        with threads_of(self._threads), torch_library().inference_mode():
+            return gathered(self._look, images, self.targets, tuple(self.about["widen"]))
+
+    def _look(self, images: np.ndarray) -> dict[str, Any]:
+        """What the network says of images of the host."""
+        there = torch_library().from_numpy(np.ascontiguousarray(images)).to(self.device)
+        return self._captured(there) if self._captured is not None and len(images) <= FEW else self._seen(there)
+
+    def _seen(self, images: Any) -> dict[str, Any]:
+        """What it says of images of the device, made as large as it takes them."""
+        return self.network(self._resizing(images).float() / 255.0)
 
 
 NEEDED = ("net", "heads", "targets", "size", "shape", "pixel", "grey", "widen")

@@ -93,7 +93,7 @@ def test_a_captured_network_says_what_it_says(device: str) -> None:
         torch.manual_seed(0)
         network = Network("small", classes=3, names=("x", "y"), offset=torch.zeros(2), scale=torch.ones(2)).eval()
         network = network.to(place).to(memory_format=torch.channels_last)
-        captured = CapturedNetwork(network)
+        captured = CapturedNetwork(lambda images, seen=network: seen(images.float() / 255.0))
         with torch.inference_mode():
             for count in (1, 3, 1):
                 images = torch.randint(0, 256, (count, 48, 48), dtype=torch.uint8, device=place)
