@@ -158,9 +158,11 @@ class Batch:
         for kernel in (take, self._judge, self._start_worlds):
             wp.load_module(kernel.module, device=self.device)
 
-    def _launch(self, kernel: Any, *inputs: object) -> None:
-        each = WORLDS_EACH if self.device.is_cpu else 1
-        wp.launch(kernel, dim=math.ceil(self.worlds / each), inputs=[*inputs, each], device=self.device)
+    def _launch(self, kernel: Any, *inputs: object, places: int | None = None) -> None:
+        """Launch a kernel over all worlds, or over so many places of a list."""
+        each, block = WORLDS_EACH if self.device.is_cpu else 1, kernel.module.options["block_dim"]
+        dim = math.ceil((self.worlds if places is None else places) / each)
+        wp.launch(kernel, dim=dim, inputs=[*inputs, each], device=self.device, block_dim=block)
 
     @property
     def _worlds(self) -> Any:
@@ -172,18 +174,18 @@ class Batch:
         sim = self.sim
         return sim.control.data(), sim.state.data(), sim.last_readout.data(), self.place, self._worlds
 
-    def _begin(self, *, hold: bool = False, ended: bool = False) -> None:
-        """Start the flagged worlds anew, or those whose episodes are over; with `hold` they wait a period."""
+    def _begin(self, listed: wp.array, count: wp.array, *, hold: bool = False, ended: bool = False) -> None:
+        """Start the first `count` of the listed worlds anew, with `ended` those that have ended; held for a period."""
         model, seen = self.sim.model.data, self.verdict.seen
-        how = self._numbers, int(ended), int(hold), self.episode
-        self._launch(self._start_worlds, self._start, model, *self._views(), *how, seen)
+        how = self._numbers, listed, count, int(ended), int(hold), self.episode
+        self._launch(self._start_worlds, self._start, model, *self._views(), *how, seen, places=len(listed))
         self.sim.note_starts()
 
     def _before(self) -> None:
         """What comes before the steps of a period: worlds start anew, and actions are taken in."""
         sim, episode = self.sim, self.episode
         if self.autoreset == "next":
-            self._begin(hold=True, ended=True)
+            self._begin(episode.over, episode.over_count, hold=True, ended=True)
         control, state, step = sim.control.data(), sim.state.data(), wp.float64(sim.time_step)
         self._launch(take, self.actions, self._hands, self.place, step, self._worlds, control, state, episode)
 
@@ -192,7 +194,7 @@ class Batch:
         same = self.autoreset == "same"
         self._launch(self._judge, *self._views(), self._numbers, int(same), self.episode, self.verdict)
         if same:
-            self._begin(ended=True)
+            self._begin(self.episode.over, self.episode.over_count, ended=True)
 
     def restart(self, chosen: np.ndarray | None = None, seeds: np.ndarray | None = None) -> None:
         """Start worlds anew, at once.
@@ -201,16 +203,16 @@ class Batch:
             chosen: (W) bool; None for all.
             seeds: (W) whole numbers of environments, -1 to go on with the next episode; None for that everywhere.
         """
-        flags = np.ones(self.worlds, dtype=np.int32) if chosen is None else chosen.astype(np.int32)
-        episode = self.episode
+        flags = np.ones(self.worlds, dtype=bool) if chosen is None else chosen.astype(bool)
+        episode, listed = self.episode, np.flatnonzero(flags)
         if seeds is not None:
             number = episode.number.numpy().copy()
-            fresh = (flags != 0) & (seeds >= 0)
+            fresh = flags & (seeds >= 0)
             first = (seeds.astype(np.int64) - int(NEXT_EPISODE)) % 2**32
             number[fresh] = first[fresh].astype(np.uint32)
             episode.number.assign(number)
-        episode.flags.assign(flags)
-        self._begin()
+        places, count = (device_array(a, wp.int32, self.device) for a in (listed, [len(listed)]))
+        self._begin(places, count)
 
     def step(self) -> None:
         """One period of control by `actions`; on a GPU without waiting for it."""

@@ -10,8 +10,9 @@ import warp as wp
 
 from otwarp.envs.kernels.control import HandData
 from otwarp.envs.kernels.judge import NumberData, Reading, judge_kernels
+from otwarp.envs.kernels.specialise import finds_gap, for_shapes
 from otwarp.envs.task import Task
-from otwarp.envs.terms import Term
+from otwarp.envs.terms import OWNERS, Term
 from otwarp.errors import InputError
 from otwarp.kernels.drivers.episodes import WorldFunction
 from otwarp.scene import Scene
@@ -110,15 +111,30 @@ class Layout:
         return found
 
     def kernels(self) -> tuple[wp.Kernel, wp.Kernel]:
-        """What judges periods and starts worlds anew, compiled for the bodies, traps and obstacles of the terms."""
+        """What judges periods and starts worlds anew, compiled for the indices of the terms and the shapes."""
+
+        shapes = tuple(sorted({o.shape for o in self.scene.obstacles})) or ("plane",)
 
         def aimed(terms: tuple[Term, ...]) -> tuple[WorldFunction, ...]:
-            return tuple(replace(t.function, whole=t.whole(self.scene)) for t in terms)
+            return tuple(
+                replace(t.function, function=for_shapes(t.function.function, shapes), whole=t.whole(self.scene))
+                for t in terms
+            )
 
         task = self.task
         seen = zip(aimed(task.observations), task.observations, strict=True)
         readings = tuple(Reading(function, t.components) for function, t in seen)
-        return judge_kernels(readings, aimed(task.rewards), aimed(task.ends))
+        return judge_kernels(readings, aimed(task.rewards), aimed(task.ends), shapes)
+
+    def watched(self) -> list[int]:
+        """Bodies of which terms ask for the gap from obstacles, as far as they name them."""
+        found: set[int] = set()
+        for t in (*self.task.observations, *self.task.rewards, *self.task.ends):
+            if finds_gap(t.function.function):
+                names = [name for name, kind in zip(t.values, t.function.kinds, strict=True) if kind is int]
+                indices = zip(names, t.whole(self.scene), strict=True)
+                found |= {index for name, index in indices if OWNERS.get(name) == "bodies"}
+        return sorted(found)
 
     def numbers(self, device: wp.Device) -> Any:
         """`NumberData`: parameters, scales and weights."""

@@ -74,6 +74,7 @@ def place_data(layout: Layout, model: Model) -> tuple[Any, list[wp.Mesh]]:
     wp.launch(tabulate_poses, dim=shape, inputs=[data.obstacles, *poses], device=device)
     if np.all(data.obstacle_rotation.numpy() == (0.0, 0.0, 0.0, 1.0)):
         data.obstacle_rotation = wp.zeros((shape[0], 0), dtype=wp.quat, device=device)
+    data.watched = device_array(layout.watched(), wp.int32, device)
     data.flow_speed = model.data.flow.speed
     data.period, data.time_limit = 1.0 / task.rate, task.time_limit
     data.speed_limit = task.speed_limit
@@ -82,15 +83,17 @@ def place_data(layout: Layout, model: Model) -> tuple[Any, list[wp.Mesh]]:
 
 
 def episode_data(layout: Layout, model: Model) -> Any:
-    """`EpisodeData`, all zero."""
+    """`EpisodeData`, all zero, but for gaps, which are not known."""
     data, w, f = EpisodeData(), model.worlds, model.features
     traps, bodies, numbers = len(model.scene.traps), len(model.scene.bodies), len(layout.acted)
     shapes = {
         "goal": (w,), "focus": (w, traps), "power": (w, traps), "energy": (w,),
         "start": (w, bodies), "before": (w, bodies), "turned": (w, bodies if f.rigid else 0), "gap": (w, bodies),
         "action": (w, numbers),
-        "last_action": (w, numbers), "period": (w,), "held": (w,), "number": (w,), "flags": (w,), "variant": (w,),
+        "last_action": (w, numbers), "period": (w,), "held": (w,), "number": (w,), "over": (w,), "over_count": (1,),
+        "variant": (w,),
     }  # fmt: skip
     for name, shape in shapes.items():
         setattr(data, name, wp.zeros(shape, dtype=EpisodeData.vars[name].type.dtype, device=model.device))
+    data.gap.fill_(math.nan)
     return data

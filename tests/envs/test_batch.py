@@ -10,9 +10,10 @@ import pytest
 pytest.importorskip("gymnasium")
 
 from otwarp import studies
-from otwarp.envs import Batch
+from otwarp.envs import Batch, TaskNow, term
 from otwarp.envs.batch import WORLDS_EACH
 from otwarp.envs.registration import task_of
+from otwarp.envs.terms import kept_up
 from otwarp.errors import InputError
 from tests.envs.bead_task import task as bead_task
 
@@ -54,6 +55,45 @@ def test_a_thread_of_a_cpu_takes_its_worlds_and_no_others(device):
         assert np.array_equal(many[:WORLDS_EACH], few)
     for many, one in zip(seen[WORLDS_EACH + 1], seen[1], strict=True):
         assert np.array_equal(many[-1:], one)
+
+
+@term()
+def placed(now: TaskNow, after: float) -> bool:
+    """Later than `after` periods, the goal of the world has a negative y."""
+    return float(now.period) > after and now.episode.goal[now.world][1] < 0.0
+
+
+def ends_of(mode: str, worlds: int, ends: tuple, numbers: np.ndarray, device: str) -> list[np.ndarray]:
+    """Numbers of trials, periods and observations of worlds after each of some periods."""
+    batch = Batch(dataclasses.replace(TASK, ends=ends), worlds, device=device, autoreset=mode)
+    batch.restart(seeds=numbers)
+    found = []
+    for period in range(6):
+        if period == 3:
+            # one of them may be in the list of those that have just ended
+            batch.restart(numbers % 3 == 0)
+        batch.step()
+        out, episode = batch.verdict, batch.episode
+        each = (episode.number, episode.period, out.terminated, batch.sim.state.position, out.seen)
+        found.append(np.column_stack([a.numpy().reshape(worlds, -1).astype(float) for a in each]))
+    return found
+
+
+@pytest.mark.parametrize("mode", ["next", "same", "off"])
+@pytest.mark.parametrize(
+    "ends", [(placed(after=1.0),), (kept_up(duration=0.1),), (kept_up(duration=99.0),)], ids=["some", "all", "none"]
+)
+def test_worlds_that_end_in_one_period_start_anew_as_each_by_itself(mode, ends, device):
+    """Some, all or none: whatever else is in the list of those that start anew."""
+    numbers = np.arange(WORLDS_EACH + 7)
+    many = ends_of(mode, len(numbers), ends, numbers, device)
+    over = np.array([rows[:, 2] for rows in many])
+    assert over.any() == (ends[0].name == "placed" or ends[0].values["duration"] < 1.0)
+    if ends[0].name == "placed":
+        assert 10 < over[1].sum() < len(numbers) - 10
+    for n in (0, 1, 2, len(numbers) - 1):
+        alone = ends_of(mode, 1, ends, numbers[n : n + 1], device)
+        assert all(np.array_equal(rows[n], one[0]) for rows, one in zip(many, alone, strict=True))
 
 
 def test_a_box_of_starts_may_lie_elsewhere(device):

@@ -61,7 +61,9 @@ def take_in(actions: wp.array2d(dtype=wp.float32), hands: HandData, place: Place
 @wp.kernel(module="unique", enable_backward=False, module_options={"cpu_compiler_flags": CPU_FLAGS})
 def take(actions: wp.array2d(dtype=wp.float32), hands: HandData, place: PlaceData, time_step: wp.float64,
          worlds: WorldsData, control: ControlData, state: StateData, episode: EpisodeData, each: int):  # fmt: skip
-    """Take in the actions of `each` worlds a thread."""
+    """Take in the actions of `each` worlds a thread, and begin the list of those whose episodes end in the period."""
+    if wp.tid() == 0:
+        episode.over_count[0] = 0
     first = wp.tid() * each
     for w in range(first, wp.min(first + each, worlds.done.shape[0])):
         take_in(actions, hands, place, time_step, worlds, control, state, episode, from_start(w))

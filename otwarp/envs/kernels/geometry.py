@@ -91,26 +91,32 @@ def gap_between(now: TaskNow, body: int, obstacle: int) -> float:
 
 
 @wp.func
+def find_gap(now: TaskNow, body: int) -> float:
+    """The same to the nearest of all obstacles [µm]."""
+    least = float(FAR)
+    row = pose_row(now, now.period)
+    for s in range(now.place.sphere_start[body], now.place.sphere_start[body + 1]):
+        sphere = now.place.sphere[s]
+        point = body_place(now, body) + as_turned(now, body, point_of(sphere))
+        for o in range(now.place.obstacles.shape.shape[0]):
+            obstacle = from_start(o)
+            way = point - now.place.obstacle_position[row, obstacle]
+            # what is farther away than the nearest so far is not looked at
+            near = least + now.place.obstacles.bound[obstacle] + sphere[3]
+            if near > 0.0 and wp.length_sq(way) < near * near:
+                local = in_obstacle(now, row, obstacle, way)
+                clear = distance_of(shape_distance(now.place.obstacles, obstacle, local, FAR)) - sphere[3]
+                least = wp.where(clear < least, clear, least)
+    return least
+
+
+@wp.func
 def gap_of(now: TaskNow, body: int) -> float:
-    """The same to the nearest of all obstacles [µm], found once for all terms of a period."""
+    """The same; of the bodies that terms name, it is found once for all terms of a period."""
     least = now.episode.gap[now.world, body]
-    # not a number until it is found; `wp.isnan` is a call on a CPU, which costs what is in registers
+    # not a number where it is not known; `wp.isnan` is a call on a CPU, which costs what is in registers
     if least != least:
-        least = float(FAR)
-        row = pose_row(now, now.period)
-        for s in range(now.place.sphere_start[body], now.place.sphere_start[body + 1]):
-            sphere = now.place.sphere[s]
-            point = body_place(now, body) + as_turned(now, body, point_of(sphere))
-            for o in range(now.place.obstacles.shape.shape[0]):
-                obstacle = from_start(o)
-                way = point - now.place.obstacle_position[row, obstacle]
-                # what is farther away than the nearest so far is not looked at
-                near = least + now.place.obstacles.bound[obstacle] + sphere[3]
-                if near > 0.0 and wp.length_sq(way) < near * near:
-                    local = in_obstacle(now, row, obstacle, way)
-                    clear = distance_of(shape_distance(now.place.obstacles, obstacle, local, FAR)) - sphere[3]
-                    least = wp.where(clear < least, clear, least)
-        now.episode.gap[now.world, body] = least
+        least = find_gap(now, body)
     return least
 
 

@@ -6,6 +6,9 @@ from typing import Any
 
 import warp as wp
 
+from otwarp.envs.kernels.geometry import find_gap
+from otwarp.envs.kernels.rows import row_type, store_row_term
+from otwarp.envs.kernels.specialise import called_for
 from otwarp.envs.kernels.starts import StartData, start_anew
 from otwarp.envs.kernels.types import EpisodeData, PlaceData, TaskNow
 from otwarp.kernels.core.features import CPU_FLAGS
@@ -21,6 +24,11 @@ HELD = wp.constant(1 << 20)
 """Code of a world that has been reset and waits for the end of the period."""
 CUT_OFF = wp.constant(1 << 19)
 """Code of a world whose time is over."""
+
+BLOCK = 64
+"""Threads of a block on a GPU."""
+JUDGE_BLOCKS, START_BLOCKS = 12, 8
+"""Blocks that a multiprocessor is to hold: 80 and 128 registers a thread."""
 
 
 @wp.struct
@@ -59,12 +67,15 @@ def _names() -> dict[str, Any]:
     return {"TaskNow": TaskNow, "Values": wp.array2d(dtype=wp.float32), "vec3": wp.vec3, "wp": wp, "LIMIT": LIMIT}
 
 
-def seen_term(readings: tuple[Reading, ...]) -> wp.Function:
-    """`(now, values, scale, seen)`: write all observed numbers of a world; `values` (1, P), `scale` (1, O).
+def columns_of(readings: tuple[Reading, ...]) -> int:
+    """Numbers that are observed."""
+    return sum(len(reading.components) or 1 for reading in readings)
 
-    All are found before any is written: for the compiler, what is written could change what is still to be read.
-    """
-    names, lines, stores = _names(), [], []
+
+def seen_term(readings: tuple[Reading, ...]) -> wp.Function:
+    """`(now, values, scale) -> row`: all observed numbers of a world; `values` (1, P), `scale` (1, O)."""
+    names, lines, column = _names(), [], 0
+    names["Row"] = row_type(columns_of(readings))
     for n, reading in enumerate(readings):
         # each kind of result is asked for by itself, so that a wrong one is told by its name
         kinds, allowed = ((wp.vec3,), "wp.vec3") if reading.components else ((wp.float32,), "float")
@@ -72,27 +83,29 @@ def seen_term(readings: tuple[Reading, ...]) -> wp.Function:
         first = sum(r.function.width for r in readings[:n])
         lines.append(f"    found_{n} = seen_{n}(now{parameters_from(reading.function, first)})")
         for component in reading.components or (None,):
-            value, column = f"found_{n}" if component is None else f"found_{n}[{component}]", len(stores)
-            lines.append(f"    value_{column} = wp.clamp({value} / scale[0, {column}], -LIMIT, LIMIT)")
-            stores.append(f"    seen[now.world, {column}] = value_{column}")
+            value = f"found_{n}" if component is None else f"found_{n}[{component}]"
+            lines.append(f"    seen[{column}] = wp.clamp({value} / scale[0, {column}], -LIMIT, LIMIT)")
+            column += 1
     text = (
-        "def see(now: TaskNow, values: Values, scale: Values, seen: Values):\n"
-        '    """Write all observed numbers of a world."""\n    row = 0\n' + "\n".join([*lines, *stores]) + "\n"
-    )
+        "def see(now: TaskNow, values: Values, scale: Values) -> Row:\n"
+        '    """All observed numbers of a world."""\n    row = 0\n    seen = Row()\n'
+        + "".join(f"{line}\n" for line in lines) + "    return seen\n"
+    )  # fmt: skip
     return wp.func(function_from_text("see", text, names))
 
 
 def earned_term(rewards: tuple[WorldFunction, ...]) -> wp.Function:
-    """`(now, values, weight, earned) -> float`: write each weighted reward of a world; their sum."""
+    """`(now, values, weight) -> (float, row)`: sum of the weighted rewards of a world, and each of them."""
     names = _names()
+    names["Row"] = row_type(len(rewards))
     calls = _called(rewards, "reward", (wp.float32,), "float", names)
     lines = [f"    part_{n} = weight[0, {n}] * {call}\n" for n, call in enumerate(calls)]
-    lines += [f"    earned[now.world, {n}] = part_{n}\n    total = total + part_{n}\n" for n in range(len(calls))]
+    lines += [f"    earned[{n}] = part_{n}\n    total = total + part_{n}\n" for n in range(len(calls))]
     text = (
-        "def earn(now: TaskNow, values: Values, weight: Values, earned: Values) -> float:\n"
-        '    """Write each weighted reward of a world; their sum."""\n    row = 0\n    total = float(0.0)\n'
-        + "".join(lines) + "    return total\n"
-    )  # fmt: skip
+        "def earn(now: TaskNow, values: Values, weight: Values):\n"
+        '    """Sum of the weighted rewards of a world, and each."""\n    row = 0\n    total = float(0.0)\n'
+        "    earned = Row()\n" + "".join(lines) + "    return total, earned\n"
+    )
     return wp.func(function_from_text("earn", text, names))
 
 
@@ -121,78 +134,140 @@ class NumberData:
     success: wp.array2d(dtype=wp.int32)  # (1, E) whether an end is one that was wanted
 
 
-def judge_period_term(rewards: tuple[WorldFunction, ...], ends: tuple[WorldFunction, ...]) -> wp.Function:
-    """`(now, worlds, numbers, out)`: rewards of a period, and whether the episode is over."""
-    earn, ended = earned_term(rewards), ended_term(ends)
+@dataclass(frozen=True)
+class TaskTerms:
+    """What the terms of a task are compiled to.
+
+    Attributes:
+        see: As `seen_term` makes it.
+        earn: As `earned_term` makes it.
+        ended: As `ended_term` makes it.
+        find_gap: For the shapes of the scene's obstacles.
+        observed: Numbers that are observed.
+        rewarded: Rewards.
+    """
+
+    see: wp.Function
+    earn: wp.Function
+    ended: wp.Function
+    find_gap: wp.Function
+    observed: int
+    rewarded: int
+
+
+@wp.struct
+class Outcome:
+    """What a world has come to in a period."""
+
+    code: wp.int32  # of its end, -1 for a fault, 0 for none
+    success: wp.bool
+    truncated: wp.bool
+    done: wp.int32  # not 0 where the episode is over
+
+
+@wp.func
+def spend(episode: EpisodeData, place: PlaceData, world: int):
+    """Add the energy of all traps in a period."""
+    energy = episode.energy[world]
+    for t in range(episode.power.shape[1]):
+        energy = energy + episode.power[world, t] * place.period
+    episode.energy[world] = energy
+
+
+@wp.func
+def stop_traps(control: ControlData, episode: EpisodeData, world: int):
+    """Traps at rest where they have come to."""
+    for t in range(control.trap_velocity.shape[1]):
+        control.trap_position[world, t] = episode.focus[world, t]
+        control.trap_velocity[world, t] = wp.vec3(0.0)
+
+
+@wp.func
+def write_outcome(worlds: WorldsData, episode: EpisodeData, out: VerdictData, found: Outcome, world: int):
+    """Write what a world has come to, and list one whose episode is over."""
+    out.terminated[world] = found.code != 0
+    out.truncated[world] = found.truncated
+    out.outcome[world] = found.code
+    out.success[world] = found.success
+    episode.held[world] = 0
+    worlds.done[world] = found.done
+    if found.done != 0:
+        episode.over[wp.atomic_add(episode.over_count, 0, 1)] = world
+
+
+def outcome_term(ended: wp.Function) -> wp.Function:
+    """`(now, done, numbers) -> Outcome` of a period, `done` as its steps have left it."""
 
     @wp.func
-    def judge_period(now: TaskNow, worlds: WorldsData, numbers: NumberData, out: VerdictData):
-        """Write what the period of a world has earned, its outcome, and why its episode ends, if it does."""
-        out.reward[now.world] = earn(now, numbers.earned, numbers.weight, out.earned)
+    def outcome_of(now: TaskNow, done: int, numbers: NumberData) -> Outcome:
+        """Whether the episode is over, and why."""
+        found = Outcome()
         code = ended(now, numbers.ended)
-        if code > 0:
-            out.success[now.world] = numbers.success[0, code - 1] != 0
-        if worlds.done[now.world] < 0:
+        if done < 0:
             code = -1
-            out.success[now.world] = False
-        out.outcome[now.world] = code
-        out.terminated[now.world] = code != 0
-        worlds.done[now.world] = code
+        if code > 0:
+            found.success = numbers.success[0, code - 1] != 0
+        found.code = code
+        found.done = code
         if code == 0 and now.time >= now.place.time_limit - 0.5 * now.place.period:
-            out.truncated[now.world] = True
-            worlds.done[now.world] = CUT_OFF
+            found.truncated = True
+            found.done = CUT_OFF
+        return found
 
-    return judge_period
+    return outcome_of
 
 
-def judge_world_term(
-    rewards: tuple[WorldFunction, ...], ends: tuple[WorldFunction, ...], see: wp.Function
-) -> wp.Function:
+def judge_world_term(terms: TaskTerms) -> wp.Function:
     """`(control, state, readout, place, worlds, numbers, keep_last, episode, out, world)` after a period."""
-    judge_period = judge_period_term(rewards, ends)
+    outcome_of, see, earn, find_gap = outcome_term(terms.ended), terms.see, terms.earn, terms.find_gap
+    store_seen, store_earned = store_row_term(terms.observed), store_row_term(terms.rewarded)
+    seen_row, earned_row = row_type(terms.observed), row_type(terms.rewarded)
 
     @wp.func
     def judge_world(control: ControlData, state: StateData, readout: ReadoutData, place: PlaceData,
                     worlds: WorldsData, numbers: NumberData, keep_last: int, episode: EpisodeData, out: VerdictData,
                     world: int):  # fmt: skip
-        """Judge the period of a world; one that has just been reset is only observed."""
-        for t in range(control.trap_velocity.shape[1]):
-            control.trap_position[world, t] = episode.focus[world, t]
-            control.trap_velocity[world, t] = wp.vec3(0.0)
-        for b in range(episode.gap.shape[1]):
-            episode.gap[world, b] = wp.nan
-        period = episode.period[world]
-        fresh = period == 0
-        out.terminated[world] = False
-        out.truncated[world] = False
-        out.outcome[world] = 0
-        out.success[world] = False
-        if episode.held[world] != 0:
-            if episode.held[world] == 1:
-                worlds.done[world] = 0
-            episode.held[world] = 0
-            out.reward[world] = 0.0
-            for n in range(out.earned.shape[1]):
-                out.earned[world, n] = 0.0
-        else:
-            period = period + 1
-            episode.period[world] = period
-            for t in range(episode.power.shape[1]):
-                episode.energy[world] = episode.energy[world] + episode.power[world, t] * place.period
-            now = TaskNow(world, period, float(period) * place.period, state, readout, place, episode)
-            judge_period(now, worlds, numbers, out)
+        """Judge the period of a world; one that has just been reset is only observed.
+
+        What terms read is written before them, and what they have found after all of them: for the compiler, what is
+        written could change what is still to be read.
+        """
+        held = episode.held[world]
+        done = worlds.done[world]
+        last = episode.period[world]
+        period = last
+        if held == 0:
+            period = last + 1
+            spend(episode, place, world)
         now = TaskNow(world, period, float(period) * place.period, state, readout, place, episode)
-        see(now, numbers.seen, numbers.scale, out.seen)
+        for n in range(place.watched.shape[0]):
+            body = from_start(place.watched[n])
+            episode.gap[world, body] = find_gap(now, body)
+        found = Outcome()
+        reward = float(0.0)
+        earned = earned_row()
+        if held == 0:
+            reward, earned = earn(now, numbers.earned, numbers.weight)
+            found = outcome_of(now, done, numbers)
+        elif held != 1:
+            found.done = done
+        seen = see(now, numbers.seen, numbers.scale)
+        episode.period[world] = period
+        out.reward[world] = reward
+        store_earned(out.earned, world, earned)
+        store_seen(out.seen, world, seen)
         # of a world in between nothing changes: what its last episode had seen was cleared in its first period
-        if keep_last != 0 and (fresh or worlds.done[world] != 0):
-            for n in range(out.seen.shape[1]):
-                out.last_seen[world, n] = wp.where(worlds.done[world] != 0, out.seen[world, n], 0.0)
+        if keep_last != 0 and (last == 0 or found.done != 0):
+            store_seen(out.last_seen, world, wp.where(found.done != 0, seen, seen_row()))
+        stop_traps(control, episode, world)
+        write_outcome(worlds, episode, out, found, world)
 
     return judge_world
 
 
-def start_world_term(see: wp.Function) -> wp.Function:
+def start_world_term(terms: TaskTerms) -> wp.Function:
     """`(start, model, control, state, readout, place, worlds, numbers, hold, episode, seen, world)`: its next one."""
+    see, store_seen = terms.see, store_row_term(terms.observed)
 
     @wp.func
     def start_world(start: StartData, model: ModelData, control: ControlData, state: StateData, readout: ReadoutData,
@@ -204,20 +279,37 @@ def start_world_term(see: wp.Function) -> wp.Function:
             episode.held[world] = 1
             worlds.done[world] = HELD
         else:
-            see(TaskNow(world, 0, 0.0, state, readout, place, episode), numbers.seen, numbers.scale, seen)
+            now = TaskNow(world, 0, 0.0, state, readout, place, episode)
+            store_seen(seen, world, see(now, numbers.seen, numbers.scale))
 
     return start_world
 
 
+def _kernel_of(blocks: int) -> Any:
+    """Decorator of a kernel of which a GPU's multiprocessor is to hold so many blocks."""
+    options = {"cpu_compiler_flags": CPU_FLAGS, "block_dim": BLOCK}
+    how = {"grid_stride": False, "launch_bounds": (BLOCK, blocks), "module_options": options}
+    return wp.kernel(module="unique", enable_backward=False, **how)
+
+
 @functools.lru_cache(maxsize=64)
 def judge_kernels(
-    readings: tuple[Reading, ...], rewards: tuple[WorldFunction, ...], ends: tuple[WorldFunction, ...]
+    readings: tuple[Reading, ...],
+    rewards: tuple[WorldFunction, ...],
+    ends: tuple[WorldFunction, ...],
+    shapes: tuple[str, ...],
 ) -> tuple[wp.Kernel, wp.Kernel]:
-    """Kernel that judges a period of each world, and one that starts worlds anew."""
-    see = seen_term(readings)
-    judge_world, start_world = judge_world_term(rewards, ends, see), start_world_term(see)
+    """Kernel that judges a period of each world, and one that starts worlds of a list anew.
 
-    @wp.kernel(module="unique", enable_backward=False, module_options={"cpu_compiler_flags": CPU_FLAGS})
+    `shapes` are those of the obstacles, for which the terms are made, too.
+    """
+    terms = TaskTerms(
+        see=seen_term(readings), earn=earned_term(rewards), ended=ended_term(ends),
+        find_gap=called_for(find_gap, shapes), observed=columns_of(readings), rewarded=len(rewards),
+    )  # fmt: skip
+    judge_world, start_world = judge_world_term(terms), start_world_term(terms)
+
+    @_kernel_of(JUDGE_BLOCKS)
     def judge(control: ControlData, state: StateData, readout: ReadoutData, place: PlaceData, worlds: WorldsData,
               numbers: NumberData, keep_last: int, episode: EpisodeData, out: VerdictData, each: int):  # fmt: skip
         """After a period: traps at rest where they have come to, rewards, ends and observations."""
@@ -225,18 +317,18 @@ def judge_kernels(
         for w in range(first, wp.min(first + each, worlds.done.shape[0])):
             judge_world(control, state, readout, place, worlds, numbers, keep_last, episode, out, from_start(w))
 
-    @wp.kernel(module="unique", enable_backward=False, module_options={"cpu_compiler_flags": CPU_FLAGS})
+    @_kernel_of(START_BLOCKS)
     def start_worlds(start: StartData, model: ModelData, control: ControlData, state: StateData, readout: ReadoutData,
-                     place: PlaceData, worlds: WorldsData, numbers: NumberData, ended: int, hold: int,
-                     episode: EpisodeData, seen: wp.array2d(dtype=wp.float32), each: int):  # fmt: skip
-        """Start the flagged worlds anew, or with `ended` those whose episodes are over; observe those not on hold."""
+                     place: PlaceData, worlds: WorldsData, numbers: NumberData, listed: wp.array(dtype=wp.int32),
+                     count: wp.array(dtype=wp.int32), ended: int, hold: int, episode: EpisodeData,
+                     seen: wp.array2d(dtype=wp.float32), each: int):  # fmt: skip
+        """Start the first `count` of the listed worlds anew, with `ended` those whose episodes are over; observe those
+        not on hold. `each` places of the list a thread."""
         first = wp.tid() * each
-        for w in range(first, wp.min(first + each, worlds.done.shape[0])):
-            chosen = episode.flags[w] != 0
-            if ended != 0:
-                chosen = worlds.done[w] != 0
-            if chosen:
-                start_world(start, model, control, state, readout, place, worlds, numbers, hold, episode, seen,
-                            from_start(w))  # fmt: skip
+        for place_in_list in range(first, wp.min(first + each, count[0])):
+            world = from_start(listed[place_in_list])
+            # a world that has ended may have been started anew since, by itself
+            if ended == 0 or worlds.done[world] != 0:
+                start_world(start, model, control, state, readout, place, worlds, numbers, hold, episode, seen, world)
 
     return judge, start_worlds

@@ -18,6 +18,7 @@ class PlaceData:
     obstacles: ObstacleData
     obstacle_position: wp.array2d(dtype=wp.vec3)  # (P, O) after 0, 1, … periods of control, at last for good [µm]
     obstacle_rotation: wp.array2d(dtype=wp.quat)  # (P, O), (P, 0) where none is turned
+    watched: wp.array(dtype=wp.int32)  # (N) bodies of which terms ask for the gap
     flow_speed: wp.array(dtype=wp.float32)  # (1|W) of the model [µm/s]
     period: wp.float32  # of control [s]
     time_limit: wp.float32  # after which an episode is cut off [s]
@@ -39,11 +40,12 @@ class EpisodeData:
     turned: wp.array2d(dtype=wp.quat)  # (W, B) orientations then, (W, 0) where nothing turns
     action: wp.array2d(dtype=wp.float32)  # (W, A) of this period, within ±1
     last_action: wp.array2d(dtype=wp.float32)  # (W, A) of the one before
-    gap: wp.array2d(dtype=wp.float32)  # (W, B) of a body's spheres from obstacles [µm], NaN: not yet found
+    gap: wp.array2d(dtype=wp.float32)  # (W, B) of a body's spheres from obstacles [µm], NaN: not found
     period: wp.array(dtype=wp.int32)  # (W) periods since the start of the episode
     held: wp.array(dtype=wp.int32)  # (W) 1: reset in this period, and waits for its end; 2: ended before
     number: wp.array(dtype=wp.uint32)  # (W) trial, which all random numbers of the episode go by
-    flags: wp.array(dtype=wp.int32)  # (W) not 0: worlds that `Batch.restart` starts anew
+    over: wp.array(dtype=wp.int32)  # (W) worlds whose episodes the last period has found over, in the first places
+    over_count: wp.array(dtype=wp.int32)  # (1) how many; their order matters to no result
     variant: wp.array(dtype=wp.int32)  # (W) row of the table of randomised parameters
 
 
