@@ -13,7 +13,7 @@ import warp as wp
 from benchmarks.report import Section, command, positive
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
-from otwarp.bench.timing import Quartiles, calls_for, elapsed, interleaved
+from otwarp.bench.timing import Pairs, Quartiles, calls_for, elapsed, interleaved
 from otwarp.device import pick_device
 from otwarp.envs.batch import Batch
 from otwarp.envs.registration import TASKS, task_of
@@ -54,15 +54,45 @@ def per_step(work: Callable[[], object], device: wp.Device, seconds: float) -> C
     return lambda: elapsed(partial(repeated, calls), device).wall / calls
 
 
+def velocities(batch: Batch) -> np.ndarray:
+    """(W, T, 3) of the traps of environments by their actions, in the period that is to come [µm/s]."""
+    axis, actions = batch.layout.axis, np.clip(batch.actions.numpy(), -1.0, 1.0)
+    share = np.where(axis >= 0, actions[:, axis], 0.0)
+    return batch.task.speed_limit * share / np.maximum(np.linalg.norm(share, axis=2, keepdims=True), 1.0)
+
+
+def bare_worlds(batch: Batch, **ends: Any) -> Simulation:
+    """As many worlds of the same scene, whose traps glide as those of environments do."""
+    sim = Simulation(
+        batch.scene, worlds=batch.worlds, device=batch.device, time_step=batch.sim.time_step, threads=1,
+        glides=batch.layout.moves, **ends,
+    )  # fmt: skip
+    commands = batch.sim.control
+    # from here on each world has commands of its own, and none that the scene gives
+    sim.control.set(trap_position=commands.trap_position.numpy(), trap_power=commands.trap_power.numpy())
+    return sim
+
+
 def alike(sim: Simulation, batch: Batch) -> None:
-    """Put bodies and traps of bare worlds where those of environments are: other states cost other times."""
+    """Put bare worlds where environments are at the start of a period, their traps on the way that actions will take.
+
+    Other states cost other times. Worlds that may end have the clocks of the environments, others have one clock.
+    """
     for array in (sim.last_readout.fault, sim.last_readout.fault_count):
         array.zero_()
-    for name in ("position", "orientation"):
+    for name in ("position", "orientation", "trap_position"):
         if getattr(sim.state, name).size:
             getattr(sim.state, name).assign(getattr(batch.sim.state, name))
-    commands = batch.sim.control
-    sim.control.set(trap_position=commands.trap_position.numpy(), trap_power=commands.trap_power.numpy())
+    control, steps = sim.control, np.full(batch.worlds, sim.state.step)
+    if sim.options.ends is not None:
+        sim.episodes.done.zero_()
+        sim.episodes.step.assign(batch.sim.episodes.step)
+        steps = sim.episodes.step.numpy()
+    for name in ("trap_position", "trap_power"):
+        getattr(control, name).assign(getattr(batch.sim.control, name))
+    if batch.layout.moves:
+        control.trap_velocity.assign(velocities(batch).astype(np.float32))
+        control.trap_since.assign(steps * sim.time_step)
 
 
 def go_on(sim: Simulation, steps: int) -> None:
@@ -94,41 +124,63 @@ def told_standing(found: dict[str, dict[int, dict[str, Any]]]) -> str:
     )  # fmt: skip
 
 
+def periods_in_turns(
+    batch: Batch, bare: dict[str, tuple[Simulation, Callable[[], object]]], row: int, turns: int
+) -> dict[str, float]:
+    """Mean time of a period of environments, and of bare worlds from where those are at its start [s].
+
+    Args:
+        batch: The environments.
+        bare: Bare worlds, and what takes a period of them.
+        row: Periods in a row, between which nobody waits; bare traps glide on.
+        turns: How many such rows of each.
+
+    Raises:
+        InputError: See `few_standing`; the largest number of worlds is in the result as `still`.
+    """
+    taken, still = dict.fromkeys([*bare, "step"], 0.0), 0
+
+    def many(work: Callable[[], object]) -> float:
+        """Time of a row of periods."""
+        return elapsed(lambda: [work() for _ in range(row)], batch.device).wall
+
+    for _ in range(turns):
+        for name, (sim, work) in bare.items():
+            alike(sim, batch)
+            taken[name] += many(work)
+            still = max(still, few_standing(batch.task.name, sim))
+        taken["step"] += many(batch.step)
+    return {**{name: t / (row * turns) for name, t in taken.items()}, "still": still}
+
+
 def costs(name: str, device: wp.Device, worlds: int, rounds: int, seconds: float) -> dict[str, Any]:
     """Time of an environment step of all worlds [s], over bare time steps, and with NumPy arrays in and out."""
     batch = Batch(task_of(name), worlds, device=device, autoreset="same")
     acting(batch)
-    same = {"worlds": worlds, "device": device, "time_step": batch.sim.time_step, "threads": 1}
-    bare, ending = Simulation(batch.scene, **same), Simulation(batch.scene, ends=(), **same)
-    for sim in (bare, ending):
-        alike(sim, batch)
-    graph = ending.capture(batch.steps)
+    free, ending = bare_worlds(batch), bare_worlds(batch, ends=())
+    bare = {"bare": (free, partial(go_on, free, batch.steps)), "ending": (ending, ending.capture(batch.steps))}
     env = VectorEnv(task_of(name), worlds, device=str(device), autoreset_mode="SameStep")
     env.reset(seed=0)
     actions = batch.actions.numpy().copy()
     stepped = per_step(batch.step, device, seconds)
-    still: list[int] = []
-    alone, looped = per_step(lambda: go_on(bare, batch.steps), device, seconds), per_step(graph, device, seconds)
+    # where bodies touch, what a period costs depends on where they are: then each begins where the environments do
+    episode = round(batch.task.time_limit * batch.task.rate)
+    row = 1 if batch.sim.model.features.contacts else max(1, min(episode, round(seconds / stepped())))
+    periods_in_turns(batch, bare, row, 1)
+    turns = max(1, round(seconds / (row * stepped())))
+    found = [periods_in_turns(batch, bare, row, turns) for _ in range(rounds)]
+    numpy = interleaved({"numpy": (per_step(lambda: env.step(actions), device, seconds), stepped)}, rounds)["numpy"]
 
-    def timed(sim: Simulation, work: Callable[[], float]) -> float:
-        """Time of the steps of bare worlds from where those of environments have come to [s]."""
-        alike(sim, batch)
-        taken = work()
-        still.append(few_standing(name, sim))
-        return taken
+    def over(kind: str) -> Quartiles:
+        """Ratio to bare worlds of a kind, round by round."""
+        return Pairs([f["step"] for f in found], [f[kind] for f in found]).ratio()
 
-    pairs = {
-        "bare": (stepped, partial(timed, bare, alone)),
-        "ending": (stepped, partial(timed, ending, looped)),
-        "numpy": (per_step(lambda: env.step(actions), device, seconds), stepped),
-    }
-    found = interleaved(pairs, rounds)
     return {
-        "step": Quartiles.of(found["bare"].first),
-        "bare": found["bare"].ratio(),
-        "ending": found["ending"].ratio(),
-        "numpy": found["numpy"].ratio(),
-        "still": max(still),
+        "step": Quartiles.of([f["step"] for f in found]),
+        "bare": over("bare"),
+        "ending": over("ending"),
+        "numpy": numpy.ratio(),
+        "still": int(max(f["still"] for f in found)),
         "steps": batch.steps,
         "driver": batch.sim.model.features.driver,
     }
@@ -160,9 +212,11 @@ def measure(device: str = "cpu", *, worlds: Sequence[int] = (), rounds: int = 5,
                   "over bare time steps", "over those of worlds that may end", "with NumPy arrays, over without"),
             rows=rows,
             note="An environment step has the time steps of a control period, actions, resets, observations, rewards "
-            "and ends, as one graph; bare time steps are those alone, of as many worlds, whose bodies and traps begin "
-            "where those of the environments have come to. Beads that are alike share vectors of a CPU, unless their "
-            "worlds may end (`ends=()`, as one graph). All of it on one core of a CPU." + told_standing(found),
+            "and ends, as one graph; bare time steps are those alone, of as many worlds, whose traps glide as those of "
+            "the environments do. Where bodies touch, bare worlds take each period from where the environments are at "
+            "its start, one after the other; elsewhere, as many periods in a row as an episode has at most. Beads that "
+            "are alike share vectors of a CPU, unless their worlds may end (`ends=()`, as one graph). All of it on one "
+            "core of a CPU." + told_standing(found),
         ),
         Table(
             title="The quickest of these beside what others state, of other tasks on other machines",
