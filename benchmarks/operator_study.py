@@ -1,8 +1,8 @@
-"""`python -m benchmarks.operator_study [--write]`: what SIMULATED operators do at the shipped cell delivery.
+"""`python -m benchmarks.operator_study [--only sobol] [--write]`: what SIMULATED operators do at the cell delivery.
 
-With and without haptics and with the arm alone; over the force gain; and which of their parameters matter. Results are
-kept in out/operator_study, where it goes on if it was interrupted. `--write` puts the tables between the markers of
-docs/operators.md, and the picture into docs/images.
+With and without haptics and with the arm alone; over the force gain; and which of their parameters matter (the Sobol
+indices, for which a GPU has rows enough). Results are kept in out/operator_study, where it goes on if it was
+interrupted. `--write` puts the tables between the markers of docs/operators.md, and the picture into docs/images.
 """
 
 from __future__ import annotations
@@ -11,8 +11,10 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from benchmarks.report import positive, run, save_page
+from benchmarks.report import commit, positive, run, save_page
 from benchmarks.validation import put_on_page
+from otwarp.bench.machine import Machine
+from otwarp.device import pick_device
 from otwarp.operators import statistics
 from otwarp.operators.figure import draw
 from otwarp.operators.folder import Folder, run_study
@@ -24,7 +26,17 @@ from otwarp.scene import Scene
 
 ROOT = Path(__file__).parents[1]
 PAGE, PICTURE = ROOT / "docs" / "operators.md", ROOT / "docs" / "images" / "operators.png"
-BEGIN, END = "<!-- begin operators -->", "<!-- end operators -->"
+PARTS = {
+    "trials": ("<!-- begin operators -->", "<!-- end operators -->"),
+    "sobol": ("<!-- begin sobol -->", "<!-- end sobol -->"),
+}
+"""What is computed, with its markers on the page: conditions and scans, and the indices."""
+ROWS = {"cpu": 16, "cuda": 512}
+"""Rows of Saltelli's points: in minutes on a core, and on a GPU, where all are trials at once."""
+AT_ONCE = 16_384
+"""Operators at once on a GPU."""
+SHOWN_INDICES = 4
+"""Parameters of which indices are shown, for each number."""
 OUT = ROOT / "out" / "operator_study"
 PRESSED = (0.25, 0.5, 0.75, 1.0, 1.5)
 """Micrometres that hands aim farther towards the cell than the author's path, in another scan."""
@@ -124,8 +136,8 @@ def brief(lines: list[str]) -> list[str]:
     return out
 
 
-def report(device: str, operators: int, scanned: int, rows: int) -> str:
-    """All tables of the page."""
+def trials(device: str, operators: int, scanned: int) -> str:
+    """Tables of the conditions and of both scans."""
     main = computed("main", study(operators=operators, conditions=("without", "with", "no response")), device)
     found = summarise(main)
     parts = [
@@ -139,28 +151,49 @@ def report(device: str, operators: int, scanned: int, rows: int) -> str:
         "first table was known):",
         pressed_table(main, scanned, device),
     ]
-    if rows:
-        sobol = summarise(computed("sobol", study(sobol=rows), device))
-        parts.append(f"Largest Sobol indices of {sobol['sobol']['rows']} rows of Saltelli's points, "
-                     f"{sobol['operators']:,} simulated operators (± standard error):")  # fmt: skip
-        parts.append("\n".join(f"- {line}" for line in sobol_lines(sobol, most=2)))
     return "\n\n".join(parts)
+
+
+def sobol_text(device: str, rows: int) -> str:
+    """The largest Sobol indices, with how many rows they are of, where, and their standard errors."""
+    gpu = not pick_device(device).is_cpu
+    asked = study(sobol=rows, chunk=AT_ONCE) if gpu else study(sobol=rows)
+    found = summarise(computed(f"sobol_{rows}", asked, device))
+    code = f" Commit {known}." if (known := commit()) else ""
+    return "\n\n".join(
+        [
+            f"Sobol indices of {found['sobol']['rows']} rows of Saltelli's points, {found['operators']:,} simulated "
+            f"operators with haptics and without, the {SHOWN_INDICES} parameters with the largest total index for each "
+            "number; ± standard errors, by resampling rows; an index within two of them of 0 tells nothing. "
+            f"`python -m benchmarks.operator_study --only sobol` on {Machine.look(pick_device(device)).text()}.{code}",
+            "\n".join(f"- {line}" for line in sobol_lines(found, most=SHOWN_INDICES)),
+        ]
+    )
 
 
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description="What simulated operators do at the shipped cell delivery.")
     parser.add_argument("--device", default="cpu", help="cpu (default) or cuda:0")
+    parser.add_argument("--only", choices=PARTS, help="one part of the page; default: both")
     parser.add_argument("--operators", type=positive, default=400, help="of the first table (default: 400)")
     parser.add_argument("--scanned", type=positive, default=96, help="of the scan of force gains (default: 96)")
-    parser.add_argument("--rows", type=int, default=16, help="of Saltelli's points, a power of 2, or 0 (default: 16)")
+    parser.add_argument("--rows", type=positive, help="of Saltelli's points, a power of 2, 2 or more (default: "
+                        f"{ROWS['cpu']} on a CPU, {ROWS['cuda']} on a GPU)")  # fmt: skip
     parser.add_argument("--write", action="store_true", help="write docs/operators.md and docs/images/operators.png")
     given = parser.parse_args()
-    text = report(given.device, given.operators, min(given.scanned, given.operators), given.rows)
-    print(text)
-    draw(Folder(OUT / "main"), PICTURE if given.write else OUT.with_suffix(".png"))
-    if given.write:
-        save_page(PAGE, put_on_page(PAGE.read_text(encoding="utf-8"), text, BEGIN, END))
+    rows = given.rows or ROWS["cpu" if pick_device(given.device).is_cpu else "cuda"]
+    ways = {
+        "trials": lambda: trials(given.device, given.operators, min(given.scanned, given.operators)),
+        "sobol": lambda: sobol_text(given.device, rows),
+    }
+    for name in [given.only] if given.only else PARTS:
+        text = ways[name]()
+        print(text)
+        if name == "trials":
+            draw(Folder(OUT / "main"), PICTURE if given.write else OUT.with_suffix(".png"))
+        if given.write:
+            save_page(PAGE, put_on_page(PAGE.read_text(encoding="utf-8"), text, *PARTS[name]))
 
 
 if __name__ == "__main__":

@@ -240,7 +240,8 @@ def saltelli(rows: int, parameters: int, seed: int) -> np.ndarray:
 def sobol(values: ArrayLike, *, resamples: int = 200, seed: int = 0) -> SobolIndices:
     """First and total indices from (rows, parameters + 2) numbers at the points of `saltelli`.
 
-    First: Saltelli et al. 2010; total: Jansen 1999, doi:10.1016/S0010-4655(98)00154-4.
+    First: Saltelli et al. 2010, of numbers less their mean, which has no part in the index but is noise in its
+    estimate (Sobol and Myshetskaya 2008); total: Jansen 1999, doi:10.1016/S0010-4655(98)00154-4.
 
     Raises:
         InputError: Fewer than two rows.
@@ -264,7 +265,8 @@ def _indices(f: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     if variance == 0.0:
         nothing = np.full(mixed.shape[1], np.nan)
         return nothing, nothing, 0.0
-    first = np.mean(b[:, None] * (mixed - a[:, None]), axis=0) / variance
+    centred = b - np.mean(np.concatenate([a, b]))
+    first = np.mean(centred[:, None] * (mixed - a[:, None]), axis=0) / variance
     total = 0.5 * np.mean((a[:, None] - mixed) ** 2, axis=0) / variance
     return first, total, variance
 

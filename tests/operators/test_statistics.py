@@ -111,6 +111,14 @@ def test_sobol_indices_of_the_ishigami_function():
     assert np.all(np.abs(found.total - total) < 5 * found.total_error + 1e-3)
 
 
+def test_sobol_indices_do_not_depend_on_the_mean():
+    """Neither an index nor its standard error, to rounding at a mean of 1,000 deviations."""
+    values = np.random.default_rng(3).normal(size=(64, 6))
+    near, far = statistics.sobol(values), statistics.sobol(values + 1000.0)
+    for name in ("first", "total", "first_error", "total_error"):
+        np.testing.assert_allclose(getattr(far, name), getattr(near, name), rtol=0.0, atol=1e-9, err_msg=name)
+
+
 def test_nothing_varies_has_no_indices():
     found = statistics.sobol(np.ones((8, 5)))
     assert found.variance == 0.0 and np.all(np.isnan(found.first))
