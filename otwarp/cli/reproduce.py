@@ -95,6 +95,8 @@ def _print(found: Report, asked: set[str], as_json: bool) -> None:
         click.echo(json.dumps({"report": str(found.page), "seconds": seconds, "missing": found.missing}, indent=2,
                               ensure_ascii=False))  # fmt: skip
         return
+    from otwarp.reproduce.report import took
+
     for one in found.done:
         if one.name not in asked:
             continue
@@ -104,4 +106,5 @@ def _print(found: Report, asked: set[str], as_json: bool) -> None:
             click.echo(f"    {row.what}: paper {row.paper.said()}, ours {row.ours.said()}{unit}")
     for name, why in found.missing.items():
         click.echo(f"{name} was left out: {why}")
+    click.echo(took(found.done))
     click.echo(f"wrote {found.page}")

@@ -10,7 +10,7 @@ from otwarp.files import check_place, written
 from otwarp.reproduce.drawing import write_small
 from otwarp.reproduce.item import GRADES
 from otwarp.reproduce.registry import ITEMS
-from otwarp.reproduce.report import PAPER
+from otwarp.reproduce.report import PAPER, took
 from otwarp.reproduce.store import Done, Store
 
 PREFIX = "paper_"
@@ -71,6 +71,8 @@ def markdown(store: Store, done: Sequence[Done]) -> str:
         "How well a figure of the paper is known: " + "; ".join(f"**{g}** {said}" for g, said in GRADES.items())
         + ". SE is a standard error, brackets hold 95 % intervals, ± after a mean is the spread of what it is the "
           "mean of.",
+        "",
+        took(done),
         "",
     ]  # fmt: skip
     for one in done:

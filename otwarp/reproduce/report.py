@@ -46,6 +46,7 @@ PAGE = """<!doctype html>
 </header>
 {summary}
 {sections}
+{times}
 <footer><p>otwarp {version}, seed {seed}. Series (CSV) and figures (PNG) lie in <code>items/</code> beside this file,
 all numbers in <code>numbers.json</code> and <code>numbers.csv</code>.</p></footer>
 </main>
@@ -56,6 +57,8 @@ all numbers in <code>numbers.json</code> and <code>numbers.csv</code>.</p></foot
 QUICK = """Quick report: fewer trials, a reduced network table. Each item says how much was computed; without
 <code>--quick</code> the same items run in full."""
 FULL = "Full report."
+LOAD = re.compile(r", load [\d.]+ at the start$")
+"""What the line of one machine ends with, and is another for each item."""
 
 
 def write_report(store: Store, done: Sequence[Done], missing: Mapping[str, str]) -> Path:
@@ -72,7 +75,7 @@ def write_report(store: Store, done: Sequence[Done], missing: Mapping[str, str])
     page = store.folder / "report.html"
     with written(page) as part:
         part.write_text(html_page(store, done, missing), encoding="utf-8")
-    about = {"otwarp": __version__, "quick": store.quick, "seed": store.seed}
+    about = {"otwarp": __version__, "quick": store.quick, "seed": store.seed, "seconds": by_machine(done)}
     items = {one.name: {"title": one.title, "device": one.device, "machine": one.machine, "seconds": one.seconds,
                         **one.result.said()} for one in done}  # fmt: skip
     write_json(store.folder / "numbers.json", {**about, "items": items, "missing": dict(missing)})
@@ -104,6 +107,7 @@ def html_page(store: Store, done: Sequence[Done], missing: Mapping[str, str]) ->
         grades=grades,
         summary=summary(done),
         sections="\n".join(sections),
+        times=times(done),
         seed=store.seed,
     )
 
@@ -148,6 +152,34 @@ def section(one: Done) -> str:
 <details><summary>How it was computed</summary><dl class="facts">{computed}</dl>
 {f"<ul>{files}</ul>" if files else ""}</details>
 </section>"""
+
+
+def by_machine(done: Sequence[Done]) -> dict[str, float]:
+    """Machine → wall seconds of the items that it computed, the longest first; whatever its load was."""
+    found: dict[str, float] = {}
+    for one in done:
+        machine = LOAD.sub("", one.machine)
+        found[machine] = found.get(machine, 0.0) + one.seconds
+    return dict(sorted(found.items(), key=lambda row: -row[1]))
+
+
+def took(done: Sequence[Done]) -> str:
+    """How long all items took, in a sentence."""
+    where = by_machine(done)
+    parts = [f"{seconds:.0f} s on {machine}" for machine, seconds in where.items()]
+    whole = f"{sum(where.values()):.0f} s in all: " if len(parts) > 1 else ""
+    return (f"{len(done)} of {len(ITEMS)} items, one after the other, wall time: {whole}{'; '.join(parts)}. An item "
+            "that was interrupted counts from where it went on.")  # fmt: skip
+
+
+def times(done: Sequence[Done]) -> str:
+    """Wall time of each item, and of all."""
+    if not done:
+        return ""
+    rows = tuple((one.title, f"{one.seconds:.1f}", one.device) for one in done)
+    whole = ("together", f"{sum(one.seconds for one in done):.1f}", "")
+    shown = table(Table(title="Wall time", head=("item", "s", "device"), rows=(*rows, whole), note=took(done)))
+    return f'<section id="times"><h2>How long it took</h2>{shown}</section>'
 
 
 def absent(name: str, title: str, about: str, why: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from otwarp.cli.main import main
 from otwarp.errors import InputError
 from otwarp.reproduce.item import Result, Value, shown
 from otwarp.reproduce.registry import ITEMS, chosen
+from otwarp.reproduce.report import by_machine, took
 from otwarp.reproduce.runner import done_in, reproduce
 
 CHEAP = ("setup", "contract")
@@ -52,10 +54,24 @@ def test_the_report_is_one_file_with_both_sides(report: Path):
 def test_numbers_are_there_for_programs(report: Path):
     numbers = json.loads((report / "numbers.json").read_text(encoding="utf-8"))
     assert numbers["quick"] is True and set(numbers["items"]) == set(CHEAP)
+    (seconds,) = numbers["seconds"].values()
+    assert seconds == pytest.approx(sum(item["seconds"] for item in numbers["items"].values()))
     with (report / "numbers.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert {row["item"] for row in rows} == set(CHEAP)
     assert next(r for r in rows if r["what"] == "pixel")["ours_text"] == "0.065"
+
+
+def test_times_are_told_by_machine(report: Path):
+    """A machine's load differs from item to item, and does not make another of it."""
+    page = (report / "report.html").read_text(encoding="utf-8")
+    assert '<section id="times">' in page and f"{len(CHEAP)} of {len(ITEMS)} items" in page
+    one, other = done_in(report)[1]
+    here = [replace(one, machine="card, load 0.2 at the start", seconds=5.0),
+            replace(other, machine="card, load 3 at the start", seconds=7.0)]  # fmt: skip
+    assert by_machine(here) == {"card": 12.0} and "wall time: 12 s on card." in took(here)
+    here.append(replace(one, machine="core, load 1.5 at the start", seconds=30.0))
+    assert "wall time: 42 s in all: 30 s on core; 12 s on card." in took(here)
 
 
 def test_items_that_are_done_are_kept(report: Path, capsys: pytest.CaptureFixture[str]):
@@ -96,6 +112,7 @@ def test_the_page_of_the_documents(report: Path, tmp_path: Path, capsys: pytest.
     page = tmp_path / "paper.md"
     assert main(["reproduce", "--out", str(report), "--docs", str(page)]) == 0
     text = page.read_text(encoding="utf-8")
+    assert f"{len(CHEAP)} of {len(ITEMS)} items, one after the other, wall time: " in text
     assert "## The setup" in text and "| pixel [µm] | 0.065 | S | 0.065 |" in text
     assert not list((tmp_path / "images").iterdir())
     assert "wrote" in capsys.readouterr().out

@@ -71,7 +71,7 @@ def run(request: Request) -> Result:
         definition=DEFINITION + (" " + QUICK_DEFINITION if request.quick else ""),
         difference=DIFFERENCE,
         incomparable=INCOMPARABLE,
-        computed={"trainings": plan.said, "data": size,
+        computed={"trainings": plan.said, "data": size, "work": _times(trained),
                   "spread": "± over seeds; brackets: Clopper–Pearson interval of the test images"},
         tables=(_table(plan, trained), _ablation(plan, right, wrong, _spread_of_labels(data))),
         figures=(Figure(file="networks.png", caption="(a) Accuracy of tilts and (b) error of the normalised depth: "
@@ -121,6 +121,12 @@ def _one(request: Request, place: Path, name: str, settings: Settings) -> dict[s
         (folder / file).unlink(missing_ok=True)
     keep = ("parameters", "images", "best_epoch", "training_seconds", "images_per_second", "weights", "test")
     return {"settings": settings.said(), **{key: found[key] for key in keep}}
+
+
+def _times(trained: Trained) -> str:
+    """How long all trainings took, also those that were done before the command went on, or on another card."""
+    seconds = [float(row["training_seconds"]) for rows in trained.values() for row in rows]
+    return f"{len(seconds)} trainings of {sum(seconds):.0f} s together"
 
 
 def _scores(rows: list[dict[str, Any]], key: str) -> Value:
