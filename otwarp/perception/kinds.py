@@ -37,8 +37,8 @@ KINDS: dict[str, Kind] = {
     ),
     "v4l2": Kind(DeviceCamera, {"rate": float, "exposure": float}, "a video device, through OpenCV"),
     "genicam": Kind(GenicamCamera, {"rate": float, "exposure": float, "cti": str}, "GenICam, through harvesters"),
-    "ros1": Kind(TopicCamera.of_ros1, {"master": str}, "sensor_msgs/Image on a topic of ROS 1"),
-    "ros2": Kind(TopicCamera.of_ros2, {"domain": int}, "sensor_msgs/Image on a topic of ROS 2"),
+    "ros1": Kind(TopicCamera.of_ros1, {"master": str, "wait": float}, "sensor_msgs/Image on a topic of ROS 1"),
+    "ros2": Kind(TopicCamera.of_ros2, {"domain": int, "wait": float}, "sensor_msgs/Image on a topic of ROS 2"),
 }
 """First word of `--camera`, before a colon, → what it is."""
 

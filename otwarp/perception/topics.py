@@ -19,6 +19,10 @@ ENCODINGS = {"mono8": ("u1", 1), "8UC1": ("u1", 1), "mono16": ("u2", 1), "16UC1"
              "bgr8": ("u1", 3)}  # fmt: skip
 """Encoding → numbers of a pixel, and how many; of colours the second, green, counts."""
 
+WAIT, LONGEST_WAIT, LOOK_EVERY = 5.0, 3600.0, 0.01
+"""How long a camera waits for its first image unless told otherwise, at most, and between two looks [s]. ROS 2 finds a
+publisher within a second or two."""
+
 LARGEST = 1 << 25
 """Most bytes of an image."""
 
@@ -48,22 +52,32 @@ class TopicCamera:
 
     Args:
         name: As the user named it.
+        kind: Row of `kinds.KINDS`.
+        wait: How long `open` waits for the first image [s]; 0 for one that may come at any time later.
         join: Opens a node, subscribes, and returns what gives the newest message or None, and what closes both.
+
+    Raises:
+        InputError: A negative wait, or one of more than `LONGEST_WAIT`.
     """
 
-    def __init__(self, name: str, kind: str, join: Callable[[], tuple[Callable[[], Any], Callable[[], None]]]):
+    def __init__(
+        self, name: str, kind: str, wait: float, join: Callable[[], tuple[Callable[[], Any], Callable[[], None]]]
+    ):
+        if not 0.0 <= wait <= LONGEST_WAIT:
+            raise InputError(f"--camera {name!r}: wait is {wait:g}; allowed: 0 to {LONGEST_WAIT:g} s")
         self._info = CameraInfo(name=name, kind=kind)
         self._join, self._take, self._leave = join, None, None
-        self._number = 0
+        self._number, self._wait = 0, wait
 
     @classmethod
-    def of_ros1(cls, where: str, *, name: str = "", master: str | None = None) -> TopicCamera:
+    def of_ros1(cls, where: str, *, name: str = "", master: str | None = None, wait: float = WAIT) -> TopicCamera:
         """A topic of ROS 1.
 
         Args:
             where: The topic.
             name: As the user named it.
             master: Its address; None: of the environment.
+            wait: For the first image [s].
         """
 
         def join() -> tuple[Callable[[], Any], Callable[[], None]]:
@@ -80,16 +94,17 @@ class TopicCamera:
                 raise
             return subscription.take, node.close
 
-        return cls(name or where, "ros1", join)
+        return cls(name or where, "ros1", wait, join)
 
     @classmethod
-    def of_ros2(cls, where: str, *, name: str = "", domain: int | None = None) -> TopicCamera:
+    def of_ros2(cls, where: str, *, name: str = "", domain: int | None = None, wait: float = WAIT) -> TopicCamera:
         """A topic of ROS 2.
 
         Args:
             where: The topic.
             name: As the user named it.
             domain: Number of the domain; None: of the environment.
+            wait: For the first image [s].
         """
 
         def join() -> tuple[Callable[[], Any], Callable[[], None]]:
@@ -104,7 +119,7 @@ class TopicCamera:
                 raise
             return subscription.latest, node.close
 
-        return cls(name or where, "ros2", join)
+        return cls(name or where, "ros2", wait, join)
 
     @property
     def info(self) -> CameraInfo:
@@ -112,8 +127,17 @@ class TopicCamera:
         return self._info
 
     def open(self) -> None:
-        """See `Camera`."""
+        """See `Camera`; waits for an image, which is dropped: a topic that nobody publishes looks like a quiet one."""
         self._take, self._leave = self._join()
+        end = time.monotonic() + self._wait
+        while self._wait and self._take() is None:
+            if time.monotonic() > end:
+                self.close()
+                raise InputError(
+                    f"camera {self._info.name}: no image came within {self._wait:g} s; allowed: a topic on which a "
+                    "camera publishes, or wait=SECONDS for a longer time, wait=0 for none"
+                )
+            time.sleep(LOOK_EVERY)
 
     def aim(self, regions: Sequence[Region]) -> None:
         """See `Camera`: whole frames come."""

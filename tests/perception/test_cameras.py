@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import threading
 import time
 from types import ModuleType, SimpleNamespace
 from typing import ClassVar
@@ -353,7 +354,7 @@ def test_a_topic_of_ros1():
         )  # fmt: skip
         with Ros1Node("driver", master.uri) as driver:
             out = driver.publisher("/camera/image_raw", "sensor_msgs/Image")
-            camera = make_camera(f"ros1:/camera/image_raw,master={master.uri}")
+            camera = make_camera(f"ros1:/camera/image_raw,master={master.uri},wait=0")
             camera.open()
             try:
                 check_arrived(camera, lambda told: out.publish(image_message(types, told)))
@@ -373,9 +374,43 @@ def test_a_topic_of_ros2(monkeypatch):
     )  # fmt: skip
     with Ros2Node("driver", domain) as driver:
         out = driver.publisher("/camera/image_raw", "sensor_msgs/msg/Image")
-        camera = make_camera(f"ros2:/camera/image_raw,domain={domain}")
+        camera = make_camera(f"ros2:/camera/image_raw,domain={domain},wait=0")
         camera.open()
         try:
             check_arrived(camera, lambda told: out.publish(image_message(types, told)))
         finally:
+            camera.close()
+
+
+def test_a_topic_waits_for_its_first_image(monkeypatch):
+    """Published once somebody listens; without one there is no camera."""
+    pytest.importorskip("cyclonedds")
+    from otwarp.ros.ros2 import Ros2Node, load_messages
+
+    domain, m = loopback(monkeypatch), load_messages()
+    types = SimpleNamespace(
+        Header=m.Header, Time=m.Time, Image=m.Image, extra={}, bytes=lambda a: a.ravel().tolist()
+    )  # fmt: skip
+    name = f"ros2:/camera/image_raw,domain={domain}"
+    with pytest.raises(InputError, match=r"no image came within 0\.05 s; allowed: a topic on which"):
+        make_camera(f"{name},wait=0.05").open()
+    with pytest.raises(InputError, match="wait is -1; allowed: 0 to 3600 s"):
+        make_camera(f"{name},wait=-1")
+    with Ros2Node("driver", domain) as driver:
+        out = driver.publisher("/camera/image_raw", "sensor_msgs/msg/Image")
+        opened = threading.Event()
+
+        def publish():
+            """Images, until one has come."""
+            while not opened.wait(0.01):
+                out.publish(image_message(types, time.time() - 0.2))
+
+        threading.Thread(target=publish, daemon=True).start()
+        camera = make_camera(f"{name},wait={PATIENCE}")
+        try:
+            camera.open()
+            opened.set()
+            check_arrived(camera, lambda told: out.publish(image_message(types, told)))
+        finally:
+            opened.set()
             camera.close()

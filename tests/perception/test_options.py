@@ -32,7 +32,7 @@ SMALL = "scenes/teleop_small.usda"
         (["--perception", "templates"], "--perception is given without a camera; allowed with --camera"),
         (["--plant", SMALL], "--plant is given without a camera"),
         (["--camera-device", "cpu"], "--camera-device is given without a camera"),
-        (["--camera", "top", "--camera-device", "gpu"], "device is 'gpu'; allowed: cpu"),
+        (["--camera", "top", "--camera-device", "gpu"], "--camera-device is 'gpu'; allowed: cpu"),
         (["--camera", "side"], "--camera is side; allowed: top, or KIND:…"),
         (["--camera", "usb:0"], "--camera is 'usb:0'; allowed: the scene's own by its name, or files:…"),
         (["--camera", "top", "--speed", "0.5"], "--speed is 0.5; allowed with --camera: 1"),

@@ -122,7 +122,10 @@ def open_perception(
         if asked["plant"] is not None:
             raise InputError(f"--plant is {asked['plant']}; allowed with the scene's own camera, --camera is {name}")
     device = asked["camera_device"] or session.device
-    pick_device(device)
+    try:
+        pick_device(device)
+    except InputError as error:  # that of --device was looked at before
+        raise InputError(f"--camera-{error}") from None
     rule = LostRule() if asked["lost_after"] is None else LostRule(after=asked["lost_after"])
     rendering = dataclasses.replace(LIVE, rings=asked["rings"])
     seeing = SeeingOptions(
