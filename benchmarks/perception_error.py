@@ -17,6 +17,7 @@ import numpy as np
 
 from benchmarks.report import positive, run, save_page
 from benchmarks.validation import put_on_page
+from otwarp.device import pick_device
 from otwarp.operators.perception.errors import Perception
 from otwarp.operators.perception.figure import LABELS, draw_maps
 from otwarp.operators.perception.folder import run_sweep
@@ -32,7 +33,7 @@ BEGIN, END = "<!-- begin perception error -->", "<!-- end perception error -->"
 OUT = ROOT / "out" / "perception_error"
 WEAK = 0.01
 """Force gain at which haptics do no harm in the model [N/pN]; the chain's own is 0.05."""
-TRIALS = 816
+TRIALS = {"cpu": 816, "cuda": 16_384}
 """Trials at once, at most: of whole operators."""
 NETWORKS = ROOT / "docs" / "benchmarks" / "vision_networks.md"
 OURS = {"small": "small (ours)", "resnet18": "ResNet18 (ours)"}
@@ -85,7 +86,8 @@ def computed(name: str, operators: int, device: str) -> Maps:
         """Tell how far it is."""
         print(f"{name}: part {done} of {count}", flush=True)
 
-    sweep = Sweep(study=study, chunk=arms * max(TRIALS // arms, 1), repeats=4, **asked)
+    trials = TRIALS["cpu" if pick_device(device).is_cpu else "cuda"]
+    sweep = Sweep(study=study, chunk=arms * max(trials // arms, 1), repeats=4, **asked)
     return maps_of(run_sweep(sweep, OUT / name, device=device, progress=say))
 
 
@@ -127,10 +129,16 @@ def our_errors(page: str) -> dict[str, float]:
     return {said: float(by_name[f"{name}, random"].split("±")[0]) for name, said in OURS.items()}
 
 
+def drawn(device: str, operators: int, picture: Path) -> Maps:
+    """The map of the weaker gain, drawn."""
+    weak = computed("weak", operators, device)
+    draw_maps(weak, picture, networks=our_errors(NETWORKS.read_text(encoding="utf-8")))
+    return weak
+
+
 def report(device: str, operators: int, fewer: int, picture: Path) -> str:
     """All tables of the page; the map is drawn."""
-    weak, chain = (computed(name, operators, device) for name in ("weak", "chain"))
-    draw_maps(weak, picture, networks=our_errors(NETWORKS.read_text(encoding="utf-8")))
+    weak, chain = drawn(device, operators, picture), computed("chain", operators, device)
     names = ("pose", "unstamped", "slow", "lateral", "slow_lateral", "eyes")
     pose, unstamped, slow, lateral, slow_lateral, eyes = (computed(name, fewer, device) for name in names)
     across = [(f"{said}, {how}", row) for how, found in (("new in every picture", lateral), ("for 0.5 s", slow_lateral))
@@ -173,8 +181,13 @@ def main() -> None:
     parser.add_argument("--operators", type=positive, default=96, help="of the two maps (default: 96)")
     parser.add_argument("--fewer", type=positive, default=48, help="of what else is asked (default: 48)")
     parser.add_argument("--write", action="store_true", help="write docs/operators_perception.md and its picture")
+    parser.add_argument("--map", action="store_true", help="the picture of the weaker gain alone, and no tables")
     given = parser.parse_args()
-    text = report(given.device, given.operators, given.fewer, PICTURE if given.write else OUT.with_suffix(".png"))
+    picture = PICTURE if given.write else OUT.with_suffix(".png")
+    if given.map:
+        print(f"{drawn(given.device, given.operators, picture).operators} simulated operators: {picture}")
+        return
+    text = report(given.device, given.operators, given.fewer, picture)
     print(text)
     if given.write:
         save_page(PAGE, put_on_page(PAGE.read_text(encoding="utf-8"), text, BEGIN, END))

@@ -7,7 +7,7 @@ import click
 from otwarp.cli.output import json_text, tables_console
 from otwarp.operators.perception.export import plain
 from otwarp.operators.perception.figure import LABELS
-from otwarp.operators.perception.summary import Maps
+from otwarp.operators.perception.summary import AS_GOOD, MARGIN, UNTOLD, WORSE, WORSE_THAN_NONE, Maps
 
 COLUMNS = {
     "success": ("delivered", "{:.2f}", 1.0),
@@ -22,7 +22,7 @@ COLUMNS = {
     "sway": ("sway µm", "{:.0f}", 1e6),
 }
 """Columns of the table: heading, form, factor."""
-WORDS = {"as good as no error": "as good", "worse": "fewer", "worse than no haptics": "fewer than without"}
+WORDS = {AS_GOOD: "as good", WORSE: "fewer", WORSE_THAN_NONE: "fewer than without", UNTOLD: "not told"}
 """Verdicts in a column."""
 ROWS = 60
 """Cells that are printed, at most."""
@@ -55,6 +55,10 @@ def print_sweep(found: Maps, *, as_json: bool) -> None:
         at = (f"{row[name] * LABELS[name][1]:g}" for name in wide)
         grid.add_row(*at, *(_cell(row[c], c) for c in columns), WORDS[row["verdict success"]])
     console.print(grid)
+    console.print(
+        f"as good: at most {MARGIN['success']:g} fewer than without error, by intervals of 95 %; not told: "
+        f"{found.operators:,} operators leave it open"
+    )
     if len(rows) > ROWS:
         console.print(f"and {len(rows) - ROWS} cells more: --json has all")
 

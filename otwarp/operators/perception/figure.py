@@ -11,7 +11,7 @@ import numpy as np
 from otwarp.errors import InputError
 from otwarp.files import save_picture
 from otwarp.operators.figure import COLORS
-from otwarp.operators.perception.summary import COMPARED, Maps
+from otwarp.operators.perception.summary import COMPARED, MARGIN, Maps, as_good
 
 PANELS = {
     "success": "deliveries, share of simulated trials",
@@ -34,10 +34,12 @@ DEPTH_RANGE = 20.0
 CLOSE = 0.12
 """Lines of networks nearer than this, in rows of the map, share a label."""
 LINES: dict[str, tuple[str, Literal["-", "--"], Literal["o", "x"]]] = {
-    "perfect": ("worse than no error", "-", "o"),
+    "perfect": ("as good as no error", "-", "o"),
     "without": ("worse than no haptics", "--", "x"),
 }
-"""Contours, with what the cells behind them are, style and mark; by intervals of 95 %."""
+"""Contours, with what the cells within them are, style and mark; by intervals of 95 %, the first with a margin."""
+UNITS = {"success": "", "contact_mean": " pN"}
+"""Of the margins."""
 
 
 def draw_maps(
@@ -103,24 +105,44 @@ def _map(axis: Any, found: Maps, name: str, across: str, up: str) -> None:
         _contours(axis, found, name, across, up)
 
 
+def bounds(found: Maps, name: str, across: str, up: str) -> dict[str, np.ndarray]:
+    """What is below 0 in the cells of each of `LINES`, (up, across): as good as no error, worse than no haptics."""
+    sign, wide = COMPARED[name][1], [across, up]
+    end = "_high" if sign > 0.0 else "_low"
+    low, high = (_plane(found, f"{name}_minus_perfect{which}", wide).T for which in ("_low", "_high"))
+    return {
+        "perfect": np.asarray(as_good(low, high, name)),
+        "without": sign * _plane(found, f"{name}_minus_without{end}", wide).T,
+    }
+
+
+def where_it_is(inside: np.ndarray, other: str, operators: int) -> str:
+    """What the legend says of a contour that is not there; few operators show nowhere that a cell is as good."""
+    if inside.all():
+        return " (everywhere)"
+    if inside.any():
+        return ""
+    return f" (nowhere shown by {operators:,} operators)" if other == "perfect" else " (nowhere)"
+
+
 def _contours(axis: Any, found: Maps, name: str, across: str, up: str) -> None:
-    """Marks in cells that are worse than another, lines around these; the legend says where it is all or none."""
+    """Marks in cells that are as good or worse, lines around these; the legend says where it is all or none."""
     from matplotlib.lines import Line2D
 
-    sign, handles = COMPARED[name][1], []
-    end = "_high" if sign > 0.0 else "_low"
-    for (other, (meaning, style, mark)), color in zip(LINES.items(), ("white", COLORS[1]), strict=True):
-        bound = sign * _plane(found, f"{name}_minus_{other}{end}", [across, up]).T
-        worse = bound < 0.0
-        some = worse.any() and not worse.all()
+    handles = []
+    for (other, bound), color in zip(bounds(found, name, across, up).items(), ("white", COLORS[1]), strict=True):
+        meaning, style, mark = LINES[other]
+        inside = bound < 0.0
+        some = inside.any() and not inside.all()
         if some and min(bound.shape) > 1:
             drawn = axis.contour(bound, levels=[0.0], colors=[color], linestyles=style, linewidths=1.8)
             drawn.set_path_effects(_outlined(3.0))
         if some:
-            y, x = np.nonzero(worse)
+            y, x = np.nonzero(inside)
             axis.plot(x + (0.12 if mark == "x" else -0.12), y, mark, color=color, ms=3, mew=1)
-        where = "" if some else " (everywhere)" if worse.all() else " (nowhere)"
-        handles.append(Line2D([], [], color=color, linestyle=style, marker=mark, ms=4, label=meaning + where))
+        margin = f", to {MARGIN[name]:g}{UNITS[name]}" if other == "perfect" else ""
+        where = where_it_is(inside, other, found.operators)
+        handles.append(Line2D([], [], color=color, linestyle=style, marker=mark, ms=4, label=meaning + margin + where))
     axis.legend(
         handles=handles, fontsize=7, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, facecolor="0.35",
         labelcolor="white",

@@ -11,9 +11,11 @@ from otwarp.cli.main import cli
 from otwarp.errors import InputError
 from otwarp.operators.folder import open_folder
 from otwarp.operators.perception.errors import Perception
+from otwarp.operators.perception.figure import where_it_is
 from otwarp.operators.perception.folder import probes_of, run_sweep
-from otwarp.operators.perception.summary import maps_of, verdict
+from otwarp.operators.perception.summary import AS_GOOD, MARGIN, UNTOLD, as_good, maps_of, verdict
 from otwarp.operators.perception.sweep import Sweep
+from otwarp.operators.statistics import risk_difference
 from tests.operators.work import study
 
 AXES = {"delay": (0.0, 0.1), "depth_error": (0.0, 0.2, 0.4)}
@@ -108,15 +110,36 @@ def test_only_whole_operators_count(tmp_path):
     [
         ({"perfect": (-0.3, -0.1), "without": (-0.2, 0.1)}, "worse"),
         ({"perfect": (-0.3, -0.1), "without": (-0.3, -0.1)}, "worse than no haptics"),
-        ({"perfect": (-0.1, 0.1), "without": (0.1, 0.3)}, "as good as no error"),
+        ({"perfect": (-0.3, 0.1), "without": (0.1, 0.3)}, "not told"),
     ],
 )
 def test_verdicts_go_by_intervals(ends, said):
     more, less = {}, {}  # more deliveries are better, and less force is
     for other, (low, high) in ends.items():
         more |= {f"success_minus_{other}_low": low, f"success_minus_{other}_high": high}
-        less |= {f"contact_mean_minus_{other}_low": -high, f"contact_mean_minus_{other}_high": -low}
+        less |= {f"contact_mean_minus_{other}_low": -9.0 * high, f"contact_mean_minus_{other}_high": -9.0 * low}
     assert verdict(more, "success") == verdict(less, "contact_mean") == said
+
+
+@pytest.mark.parametrize(("what", "margin"), list(MARGIN.items()))
+def test_a_cell_is_as_good_as_no_error_up_to_a_margin(what, margin):
+    """By the end of the interval at which it is worse: just within the margin it is, at the margin it is not."""
+    for worst, said in ((0.999 * margin, AS_GOOD), (margin, UNTOLD)):
+        row = {f"{what}_minus_without_low": -9.0, f"{what}_minus_without_high": 9.0}
+        low, high = (-worst, 0.01) if what == "success" else (-0.01, worst)
+        row |= {f"{what}_minus_perfect_low": low, f"{what}_minus_perfect_high": high}
+        assert verdict(row, what) == said
+
+
+def test_few_operators_show_nowhere_that_a_cell_is_as_good():
+    """Of outcomes that are the same with errors as without: 17 operators leave the margin open, 18 do not."""
+    for operators, shown in ((2, False), (17, False), (18, True), (96, True)):
+        made = np.arange(operators) % 2 == 0
+        same = risk_difference(made, made)
+        bound = np.full((2, 2), as_good(same.low, same.high, "success"))
+        assert (bound < 0.0).all() == shown, operators
+        said = where_it_is(bound < 0.0, "perfect", operators)
+        assert said == (" (everywhere)" if shown else f" (nowhere shown by {operators} operators)")
 
 
 @pytest.mark.parametrize(
