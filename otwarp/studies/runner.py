@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,6 +29,13 @@ from otwarp.studies.targets import Target
 
 MANY = 2**15
 """Worlds from which on a GPU steps each in one thread."""
+
+LOOKS = 50
+"""Times that the worlds are looked at within the horizon where nothing else is said."""
+
+SHORTEST, LONGEST, GROWTH = 0.01, 1 / 16, 0.25
+"""Of the horizon, the time between looks that outcomes do not hang on, and of the time that has passed: many trials end
+early or none; each look lists the worlds in motion, of which all wait until the next."""
 
 UNSEEN = 4
 """Times that worlds are given steps before the host looks how many are left: a GPU idles from there to the next steps,
@@ -65,7 +72,8 @@ class Runner:
         seed: Key of the random numbers of all trials.
         horizon: How long a trial goes on at most [s].
         steps: Of the horizon.
-        looks_every: Time between looks at the worlds, about [s].
+        looks_every: Time between looks at the worlds, about [s]; None: `LOOKS` in all, or where trials end by escapes
+            alone, which are known to the step, as often as it pays.
         ends: What may end a trial.
         numbers: Observables of kind `number`.
         scatter: What varies from trial to trial.
@@ -75,7 +83,7 @@ class Runner:
     seed: int
     horizon: float
     steps: int
-    looks_every: float
+    looks_every: float | None
     ends: tuple[End, ...]
     numbers: tuple[Observable, ...]
     scatter: tuple[tuple[Target, Scatter], ...]
@@ -88,8 +96,18 @@ class Runner:
 
     @property
     def every(self) -> int:
-        """Steps between looks at the worlds."""
-        return max(1, round(self.looks_every / self.time_step))
+        """Steps between looks at the worlds that outcomes may hang on."""
+        return max(1, round((self.looks_every or self.horizon / LOOKS) / self.time_step))
+
+    def segments(self) -> Iterator[int]:
+        """Steps from each look at the worlds to the next."""
+        fixed = self.looks_every is not None or self.numbers or not all(_loses(end) for end in self.ends)
+        done = 0
+        while done < self.steps:
+            share = min(max(SHORTEST * self.steps, GROWTH * done), LONGEST * self.steps)
+            count = min(self.every if fixed else max(1, round(share)), self.steps - done)
+            yield count
+            done += count
 
     def in_steps(self, steps: int) -> Runner:
         """The same horizon in so many steps."""
@@ -125,8 +143,7 @@ class Runner:
         """
         sim = self.simulation(scene, values, trials, which=which, beside=beside, device=device, threads=threads)
         observer = _Observer(sim, self.numbers) if self.numbers else None
-        for n, done in enumerate(range(0, self.steps, self.every), start=1):
-            count = min(self.every, self.steps - done)
+        for n, count in enumerate(self.segments(), start=1):
             sim.step(count, look=n % UNSEEN == 0)
             if observer is not None:
                 observer.look(count)
@@ -196,7 +213,9 @@ class Runner:
         number = next((k for k, end in enumerate(self.ends, start=1) if _loses(end)), 0)
         kernel = kernel_module("drivers.episodes", sim.model.features.precision).outcomes
         # forces and distances of the traps are not asked for
-        read = [episodes.done, episodes.step, sim.last_readout.escape_step, number, wp.float64(self.time_step)]
+        readout = sim.last_readout
+        read = [episodes.done, episodes.step, readout.fault, readout.fault_step, readout.escape_step, number]
+        read.append(wp.float64(self.time_step))
         wp.launch(kernel, dim=n, inputs=read, outputs=[code, time], device=device)
         numbers = np.zeros((n, 0), np.float32) if observer is None else observer.kept.numpy()
         return Outcomes(code=code.numpy(), time=time.numpy(), numbers=numbers)

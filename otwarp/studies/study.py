@@ -40,9 +40,6 @@ GPU computes trials sooner than a thread of the host makes a file for each 16,38
 LARGER = 4
 """Times that what such blocks may hold is more."""
 
-LOOKS = 50
-"""Times that the worlds are looked at within the horizon where nothing else is said."""
-
 
 class Study:
     """A batched study of a scene.
@@ -155,7 +152,7 @@ class Study:
                 seed=self.seed,
                 horizon=self.horizon,
                 steps=steps,
-                looks_every=self.horizon / LOOKS if self._every is None else self._every,
+                looks_every=self._every,
                 ends=self.ends,
                 numbers=tuple(o for o in self.observables if o.function is not None),
                 scatter=self.scatter,

@@ -117,22 +117,27 @@ def settle_kernel(predicates: tuple[WorldFunction, ...]) -> wp.Kernel:
 
 @wp.kernel(enable_backward=False)
 def outcomes(
-    done: wp.array(dtype=wp.int32), step: wp.array(dtype=wp.int64), escape_step: wp.array2d(dtype=wp.int64),
-    escaped: int, time_step: wp.float64, code: wp.array(dtype=wp.int8), time: wp.array(dtype=wp.float64),
+    done: wp.array(dtype=wp.int32), step: wp.array(dtype=wp.int64), fault: wp.array2d(dtype=wp.int32),
+    fault_step: wp.array2d(dtype=wp.int64), escape_step: wp.array2d(dtype=wp.int64), escaped: int,
+    time_step: wp.float64, code: wp.array(dtype=wp.int8), time: wp.array(dtype=wp.float64),
 ):  # fmt: skip
-    """Why each world ended, and when [s]: `escaped` (0: nothing) where a sphere was lost, at that very step.
+    """Why each world ended, and when [s]: a fault or `escaped` (0: nothing), a lost sphere, at the very step.
 
     Another end that was found at the same look may have come after the sphere was lost.
     """
     world = wp.tid()
     found, when = int(done[world]), wp.int64(step[world])
-    if escaped > 0 and found != FAULTY:
+    if found == FAULTY:
+        for b in range(fault.shape[1]):
+            if fault[world, b] != 0:
+                when = wp.min(when, fault_step[world, b])
+    if escaped > 0:
         first = wp.int64(-1)
         for t in range(escape_step.shape[1]):
             at = wp.int64(escape_step[world, t])
             if at >= wp.int64(0) and (first < wp.int64(0) or at < first):
                 first = at
-        if first >= wp.int64(0):
+        if first >= wp.int64(0) and (found != FAULTY or first < when):
             found, when = escaped, first
     code[world] = wp.int8(found)
     time[world] = wp.float64(when) * time_step

@@ -31,17 +31,18 @@ def test_clocks_turn_for_the_worlds_on_the_list_alone(device):
     assert sim.episodes.count.numpy().tolist() == [4, 4]
 
 
-def test_outcomes_are_told_to_the_step_of_an_escape(device):
-    """Where escapes end a world (their code is 2) the first one counts, but not over a fault; elsewhere none does."""
-    done, lost = [0, 1, -1, 1, 2], [[-1, -1], [-1, -1], [3, -1], [7, 4], [-1, 10]]
-    arrays = [
-        wp.array(x, dtype=t, device=device) for x, t in ((done, wp.int32), ([10] * 5, wp.int64), (lost, wp.int64))
-    ]
-    for escaped, codes, steps in ((2, [0, 1, -1, 2, 2], [10, 10, 10, 4, 10]), (0, done, [10] * 5)):
-        code, time = wp.zeros(5, dtype=wp.int8, device=device), wp.zeros(5, dtype=wp.float64, device=device)
-        wp.launch(outcomes, dim=5, inputs=[*arrays, escaped, wp.float64(0.1)], outputs=[code, time], device=device)
+def test_outcomes_are_told_to_the_step_of_an_escape_or_a_fault(device):
+    """Where escapes end a world (their code is 2) the first one counts, but not after a fault; elsewhere none does."""
+    done, lost = [0, 1, -1, 1, 2, -1], [[-1, -1], [-1, -1], [9, -1], [7, 4], [-1, 10], [-1, 4]]
+    fault, when = [[0, 0], [0, 0], [3, 3], [0, 0], [0, 0], [0, 3]], [[0, 0], [0, 0], [8, 6], [0, 0], [0, 0], [0, 5]]
+    given = ((done, wp.int32), ([10] * 6, wp.int64), (fault, wp.int32), (when, wp.int64), (lost, wp.int64))
+    arrays = [wp.array(x, dtype=t, device=device) for x, t in given]
+    wanted = ((2, [0, 1, -1, 2, 2, 2], [10, 10, 6, 4, 10, 4]), (0, done, [10, 10, 6, 10, 10, 5]))
+    for escaped, codes, steps in wanted:
+        code, time = wp.zeros(6, dtype=wp.int8, device=device), wp.zeros(6, dtype=wp.float64, device=device)
+        wp.launch(outcomes, dim=6, inputs=[*arrays, escaped, wp.float64(0.1)], outputs=[code, time], device=device)
         assert code.numpy().tolist() == codes
-        assert time.numpy().tolist() == [0.1 * step for step in steps]
+        np.testing.assert_allclose(time.numpy(), 0.1 * np.array(steps), rtol=1e-15)
 
 
 def test_parameters_are_read_from_the_columns_in_order():
