@@ -10,7 +10,7 @@ import warp as wp
 
 from otwarp.envs.kernels.control import HandData
 from otwarp.envs.kernels.judge import NumberData, Reading, judge_kernels
-from otwarp.envs.kernels.specialise import finds_gap, for_shapes
+from otwarp.envs.kernels.specialise import finds_gap, for_shapes, gap_parameters
 from otwarp.envs.task import Task
 from otwarp.envs.terms import OWNERS, Term
 from otwarp.errors import InputError
@@ -116,25 +116,33 @@ class Layout:
         shapes = tuple(sorted({o.shape for o in self.scene.obstacles})) or ("plane",)
 
         def aimed(terms: tuple[Term, ...]) -> tuple[WorldFunction, ...]:
+            made = [for_shapes(t.function.function, shapes, self._gaps_known(t)) for t in terms]
             return tuple(
-                replace(t.function, function=for_shapes(t.function.function, shapes), whole=t.whole(self.scene))
-                for t in terms
+                replace(t.function, function=f, whole=t.whole(self.scene)) for t, f in zip(terms, made, strict=True)
             )
 
         task = self.task
         seen = zip(aimed(task.observations), task.observations, strict=True)
         readings = tuple(Reading(function, t.components) for function, t in seen)
-        return judge_kernels(readings, aimed(task.rewards), aimed(task.ends), shapes)
+        gaps_seen = any(finds_gap(t.function.function) for t in task.observations)
+        return judge_kernels(readings, aimed(task.rewards), aimed(task.ends), shapes, gaps_seen)
+
+    def _bodies_named(self, term: Term) -> dict[str, int]:
+        """Bodies that the parameters of a term name, by parameter."""
+        names = [name for name, kind in zip(term.values, term.function.kinds, strict=True) if kind is int]
+        indices = zip(names, term.whole(self.scene), strict=True)
+        return {name: index for name, index in indices if OWNERS.get(name) == "bodies"}
+
+    def _gaps_known(self, term: Term) -> bool:
+        """Whether `watched` has all bodies whose gaps a term asks for."""
+        asked = gap_parameters(term.function.function)
+        return asked is not None and set(asked) <= set(self._bodies_named(term))
 
     def watched(self) -> list[int]:
         """Bodies of which terms ask for the gap from obstacles, as far as they name them."""
-        found: set[int] = set()
-        for t in (*self.task.observations, *self.task.rewards, *self.task.ends):
-            if finds_gap(t.function.function):
-                names = [name for name, kind in zip(t.values, t.function.kinds, strict=True) if kind is int]
-                indices = zip(names, t.whole(self.scene), strict=True)
-                found |= {index for name, index in indices if OWNERS.get(name) == "bodies"}
-        return sorted(found)
+        task = self.task
+        terms = [t for t in (*task.observations, *task.rewards, *task.ends) if finds_gap(t.function.function)]
+        return sorted({index for t in terms for index in self._bodies_named(t).values()})
 
     def numbers(self, device: wp.Device) -> Any:
         """`NumberData`: parameters, scales and weights."""

@@ -13,7 +13,8 @@ pytest.importorskip("gymnasium")
 from otwarp.envs import Batch, TaskNow, term
 from otwarp.envs import terms as t
 from otwarp.envs.kernels import geometry, terms
-from otwarp.envs.kernels.specialise import finds_gap, for_shapes
+from otwarp.envs.kernels.geometry import gap_of
+from otwarp.envs.kernels.specialise import finds_gap, for_shapes, gap_parameters
 from otwarp.envs.layout import Layout
 from tests.envs.bead_task import BEAD
 from tests.envs.bead_task import task as bead_task
@@ -28,6 +29,19 @@ def test_only_what_asks_for_distances_is_made_anew():
     assert twin.__globals__["surface_of"] is not geometry.surface_of
     assert twin.__globals__["body_place"] is geometry.body_place
     assert terms.obstacle_offset.__globals__["surface_of"] is geometry.surface_of
+
+
+def reassigned(now: TaskNow, body: int) -> float:
+    """Gap of the body after it."""
+    body = body + 1
+    return gap_of(now, body)
+
+
+def test_parameters_whose_gaps_are_asked_for_are_read_from_the_source():
+    assert [gap_parameters(f) for f in (terms.nearness, terms.collided)] == [("body",)] * 2
+    assert gap_parameters(terms.progress) == ()
+    assert gap_parameters(enclosed(geometry.gap_of).function.function) is None
+    assert gap_parameters(reassigned) is None
 
 
 def test_terms_that_find_a_gap_are_told_by_what_they_call():

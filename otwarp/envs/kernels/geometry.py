@@ -121,6 +121,20 @@ def gap_of(now: TaskNow, body: int) -> float:
 
 
 @wp.func
+def known_gap(now: TaskNow, body: int) -> float:
+    """The same of a body of which it has been found."""
+    return now.episode.gap[now.world, body]
+
+
+@wp.func
+def find_gaps(now: TaskNow):
+    """Find the gap of each body of which terms ask for it."""
+    for n in range(now.place.watched.shape[0]):
+        body = from_start(now.place.watched[n])
+        now.episode.gap[now.world, body] = find_gap(now, body)
+
+
+@wp.func
 def trap_offset_of(now: TaskNow, trap: int) -> wp.vec3:
     """Way from the sphere that a trap holds to the trap's equilibrium point."""
     return now.episode.focus[now.world, trap] + now.place.equilibrium[trap] - held_place(now, trap)

@@ -6,7 +6,7 @@ from typing import Any
 
 import warp as wp
 
-from otwarp.envs.kernels.geometry import find_gap
+from otwarp.envs.kernels.geometry import find_gaps
 from otwarp.envs.kernels.rows import row_type, store_row_term
 from otwarp.envs.kernels.specialise import called_for
 from otwarp.envs.kernels.starts import StartData, start_anew
@@ -142,7 +142,8 @@ class TaskTerms:
         see: As `seen_term` makes it.
         earn: As `earned_term` makes it.
         ended: As `ended_term` makes it.
-        find_gap: For the shapes of the scene's obstacles.
+        find_gaps: For the shapes of the scene's obstacles.
+        gaps_seen: Whether a gap is observed.
         observed: Numbers that are observed.
         rewarded: Rewards.
     """
@@ -150,7 +151,8 @@ class TaskTerms:
     see: wp.Function
     earn: wp.Function
     ended: wp.Function
-    find_gap: wp.Function
+    find_gaps: wp.Function
+    gaps_seen: bool
     observed: int
     rewarded: int
 
@@ -219,7 +221,7 @@ def outcome_term(ended: wp.Function) -> wp.Function:
 
 def judge_world_term(terms: TaskTerms) -> wp.Function:
     """`(control, state, readout, place, worlds, numbers, keep_last, episode, out, world)` after a period."""
-    outcome_of, see, earn, find_gap = outcome_term(terms.ended), terms.see, terms.earn, terms.find_gap
+    outcome_of, see, earn, find_gaps = outcome_term(terms.ended), terms.see, terms.earn, terms.find_gaps
     store_seen, store_earned = store_row_term(terms.observed), store_row_term(terms.rewarded)
     seen_row, earned_row = row_type(terms.observed), row_type(terms.rewarded)
 
@@ -240,9 +242,7 @@ def judge_world_term(terms: TaskTerms) -> wp.Function:
             period = last + 1
             spend(episode, place, world)
         now = TaskNow(world, period, float(period) * place.period, state, readout, place, episode)
-        for n in range(place.watched.shape[0]):
-            body = from_start(place.watched[n])
-            episode.gap[world, body] = find_gap(now, body)
+        find_gaps(now)
         found = Outcome()
         reward = float(0.0)
         earned = earned_row()
@@ -267,7 +267,8 @@ def judge_world_term(terms: TaskTerms) -> wp.Function:
 
 def start_world_term(terms: TaskTerms) -> wp.Function:
     """`(start, model, control, state, readout, place, worlds, numbers, hold, episode, seen, world)`: its next one."""
-    see, store_seen = terms.see, store_row_term(terms.observed)
+    see, store_seen, find_gaps = terms.see, store_row_term(terms.observed), terms.find_gaps
+    gaps_seen = terms.gaps_seen
 
     @wp.func
     def start_world(start: StartData, model: ModelData, control: ControlData, state: StateData, readout: ReadoutData,
@@ -280,6 +281,8 @@ def start_world_term(terms: TaskTerms) -> wp.Function:
             worlds.done[world] = HELD
         else:
             now = TaskNow(world, 0, 0.0, state, readout, place, episode)
+            if wp.static(gaps_seen):
+                find_gaps(now)
             store_seen(seen, world, see(now, numbers.seen, numbers.scale))
 
     return start_world
@@ -298,15 +301,21 @@ def judge_kernels(
     rewards: tuple[WorldFunction, ...],
     ends: tuple[WorldFunction, ...],
     shapes: tuple[str, ...],
+    gaps_seen: bool,
 ) -> tuple[wp.Kernel, wp.Kernel]:
     """Kernel that judges a period of each world, and one that starts worlds of a list anew.
 
-    `shapes` are those of the obstacles, for which the terms are made, too.
+    `shapes` are those of the obstacles, for which the terms are made, too; `gaps_seen`: a gap is observed.
     """
     terms = TaskTerms(
-        see=seen_term(readings), earn=earned_term(rewards), ended=ended_term(ends),
-        find_gap=called_for(find_gap, shapes), observed=columns_of(readings), rewarded=len(rewards),
-    )  # fmt: skip
+        see=seen_term(readings),
+        earn=earned_term(rewards),
+        ended=ended_term(ends),
+        find_gaps=called_for(find_gaps, shapes),
+        gaps_seen=gaps_seen,
+        observed=columns_of(readings),
+        rewarded=len(rewards),
+    )
     judge_world, start_world = judge_world_term(terms), start_world_term(terms)
 
     @_kernel_of(JUDGE_BLOCKS)
