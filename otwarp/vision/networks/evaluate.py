@@ -26,6 +26,9 @@ from otwarp.vision.networks.use import load
 SAME_PIXEL = 0.01
 """Relative difference of pixels that a network does not mind."""
 
+LAYERS = 4
+"""Equal parts of the depths, in which errors are compared with the bound."""
+
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
@@ -37,6 +40,8 @@ class Evaluation:
         scores: As of `metrics.scores_of`.
         baselines: The same, by the name of the baseline; none where the data set was not trained on.
         efficiency: By quantity `bound` and `rmse` over the same images [µm, deg], and their ratio `efficiency`.
+        by_pose: The same apart for every pose and for every quarter of the depths: rows of `tilt` [deg], `depth` [µm],
+            least and greatest of the row's images, and `quantities`, as of `efficiency`.
         by_tilt: Rows of `tilt` [deg], `images`, and `rmse` by quantity [µm, deg].
         errors: (n, k) [µm, rad], with `tilt` and `depth` (n) [deg, µm] and `sigma` (n, k) as stated; for figures.
     """
@@ -46,13 +51,15 @@ class Evaluation:
     scores: Mapping[str, Any]
     baselines: Mapping[str, Mapping[str, Any]]
     efficiency: Mapping[str, Mapping[str, float]]
+    by_pose: Sequence[Mapping[str, Any]]
     by_tilt: Sequence[Mapping[str, Any]]
     errors: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def said(self) -> dict[str, Any]:
         """The scores as numbers and texts for a JSON file."""
         return {"name": self.name, "about": self.about, "scores": dict(self.scores), "baselines": dict(self.baselines),
-                "efficiency": dict(self.efficiency), "by_tilt": list(self.by_tilt)}  # fmt: skip
+                "efficiency": dict(self.efficiency), "by_pose": list(self.by_pose),
+                "by_tilt": list(self.by_tilt)}  # fmt: skip
 
 
 def evaluate(
@@ -162,9 +169,9 @@ def _one(
             others[title] = scores_of(baseline(train, data.images(index), classes), targets, data.labels, index)
     names = estimator.quantities
     away = errors_of(said, targets, data.labels, index) if names else np.zeros((len(index), 0))
-    efficiency = _efficiency(data, index, away, names, poses, device) if poses and names else {}
+    efficiency, by_pose = _bounded(data, index, away, names, poses, device) if poses and names else ({}, [])
     return Evaluation(
-        name, about, scores_of(said, targets, data.labels, index), others, efficiency,
+        name, about, scores_of(said, targets, data.labels, index), others, efficiency, by_pose,
         _by_tilt(data.labels["tilt"][index], away, names), _drawn(data, index, said, away),
     )  # fmt: skip
 
@@ -176,19 +183,34 @@ def _drawn(data: Any, index: np.ndarray, said: Predictions, away: np.ndarray) ->
     return found
 
 
-def _efficiency(
+def _bounded(
     data: Any, index: np.ndarray, away: np.ndarray, names: tuple[str, ...], poses: int, device: str | None
-) -> dict[str, dict[str, float]]:
-    """Bound over error, both root mean squares over the images of some poses whose bound is finite."""
+) -> tuple[dict[str, dict[str, float]], list[dict[str, Any]]]:
+    """Bound over error of the images of some poses: of all together, and by pose and depth."""
     rows, variance = bounds(data, index, names, poses=poses, device=device)
-    place = np.argsort(index)[np.searchsorted(np.sort(index), rows)]
+    order = np.argsort(index)
+    mine = away[order[np.searchsorted(index, rows, sorter=order)]]
+    depth, pose = data.labels["depth"][rows], data.labels["pose"][rows]
+    low, high = float(depth.min()), float(depth.max())
+    layer = np.minimum(LAYERS * (depth - low) / max(high - low, 1e-9), LAYERS - 1).astype(int)
+    apart = []
+    for one, part in sorted(set(zip(pose.tolist(), layer.tolist(), strict=True))):
+        here = (pose == one) & (layer == part)
+        apart.append({"tilt": float(data.labels["tilt"][rows][here][0]),
+                      "depth": [float(depth[here].min()), float(depth[here].max())],
+                      "quantities": _efficiency(variance[here], mine[here], names)})  # fmt: skip
+    return _efficiency(variance, mine, names), apart
+
+
+def _efficiency(variance: np.ndarray, away: np.ndarray, names: tuple[str, ...]) -> dict[str, dict[str, float]]:
+    """Bound over error by quantity, both root mean squares over the images whose bound is finite."""
     found = {}
     for n, name in enumerate(names):
         finite = np.isfinite(variance[:, n])
         if finite.any():
             unit = _unit(name)
             least = unit * math.sqrt(float(np.mean(variance[finite, n])))
-            rmse = unit * math.sqrt(float(np.mean(away[place[finite], n] ** 2)))
+            rmse = unit * math.sqrt(float(np.mean(away[finite, n] ** 2)))
             found[name] = {"bound": least, "rmse": rmse, "efficiency": least / rmse if rmse else math.inf,
                            "images": int(finite.sum())}  # fmt: skip
     return found

@@ -106,7 +106,14 @@ def _bounds(one: Evaluation) -> list[str]:
     rows = [[title, number(e["bound"]), number(e["rmse"]), f"{100 * e['efficiency']:.2g} %", str(e["images"])]
             for (name, e), title in zip(one.efficiency.items(), titles(list(one.efficiency)), strict=True)]  # fmt: skip
     head = ["", "bound", "error", "bound / error", "images"]
-    return ["**Cramér–Rao bound**, root mean squares over the images of some poses", "", *table(head, rows)]
+    whole = ["**Cramér–Rao bound**, root mean squares over the images of some poses", "", *table(head, rows)]
+    names = list(one.efficiency)
+    head = ["tilt [°]", "depth [µm]", *(f"{title}: {what}" for title in titles(names) for what in ("error", "bound"))]
+    cells = [[row["quantities"].get(name, {}) for name in names] for row in one.by_pose]
+    rows = [[f"{row['tilt']:g}", f"{row['depth'][0]:.2g} … {row['depth'][1]:.2g}",
+             *(number(e.get(key)) for e in found for key in ("rmse", "bound"))]
+            for row, found in zip(one.by_pose, cells, strict=True)]  # fmt: skip
+    return [*whole, "**The same by pose and depth**", "", *table(head, rows)]
 
 
 def _tilts(one: Evaluation, names: Sequence[str]) -> list[str]:

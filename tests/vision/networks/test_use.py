@@ -134,9 +134,21 @@ def test_evaluation_makes_a_page_with_figures(smoke: Path, trained: Path, tmp_pa
     assert found[1].scores["images"] == 200 and not found[1].baselines
     for one in found[0].efficiency.values():
         assert 0.0 < one["bound"] < one["rmse"] and one["efficiency"] == pytest.approx(one["bound"] / one["rmse"])
+    whole, rows = found[0].efficiency["depth"], found[0].by_pose
+    assert {row["tilt"] for row in rows} == {0.0, 90.0}
+    apart = [row["quantities"]["depth"] for row in rows if "depth" in row["quantities"]]
+    for key in ("bound", "rmse"):  # the whole is the root mean square of its parts
+        squares = [one["images"] * one[key] ** 2 for one in apart]
+        assert np.sum(squares) == pytest.approx(whole["images"] * whole[key] ** 2)
     page = write_report(tmp_path / "report", estimator, found)
     text = page.read_text()
-    for words in ("nearest template", "Cramér–Rao bound", "within the 95 % interval", "Root mean square error by tilt"):
+    for words in (
+        "nearest template",
+        "Cramér–Rao bound",
+        "within the 95 % interval",
+        "Root mean square error by tilt",
+        "by pose and depth",
+    ):
         assert words in text
     assert {p.name for p in (tmp_path / "report").iterdir()} == {
         "report.md", "report.json", *(f"{n}_{name}_{kind}.png" for n, name in ((1, "smoke"), (2, "copy"))
