@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.util
-import multiprocessing
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.report import Section, command
+from benchmarks.vision_tables import ERRORS, bounds_by_pose, cells, confusion_by_tilt, many_robots, unseen
 from benchmarks.vision_training import NETS, training_speed
+from benchmarks.vision_trainings import SPLITS, all_trainings, at_once, of_losses, of_robots, of_shares, of_split
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import NOTHING, Table
 from otwarp.device import pick_device
@@ -34,9 +34,7 @@ from otwarp.vision.networks.train import train
 from otwarp.vision.networks.use import load
 
 SPECS = Path(__file__).resolve().parent.parent / "vision"
-SPLITS = ("random", "focus_blocks")
 ELECTRONS = (300.0, 1000.0, 10000.0, 100000.0)
-SHARES = (0.25, 0.5, 1.0)
 
 SMALL: dict[str, dict[str, Any]] = {
     "small": {"net": "small", "epochs": 20, "batch": 8, "lr": 3e-3},
@@ -96,16 +94,21 @@ def measure(
         work.mkdir(parents=True, exist_ok=True)
         place, spec = work / "data", SPECS / "paper.toml" if full else small_spec(work)
         make_dataset(labels_of(load_spec(spec)), place, processes=1, device=device)
-        data: dict[str, Any] = {}
+        robots, data = work / "robots", {}
+        make_dataset(labels_of(many_robots(load_spec(spec))), robots, processes=1, device=device)
         runs, best = runs or (FULL if full else SMALL), "small, pose" if full else "small"
         if devices:
-            at_once(place, all_trainings(place, work, runs, best, rounds), devices)
+            others = {f: how for some in of_robots(work, best, runs[best], rounds).values() for f, how in some.items()}
+            at_once({place: all_trainings(place, work, runs, best, rounds), robots: others}, devices)
         keep(table_of_splits(place, work, runs, rounds, device, data))
+        keep(confusion_by_tilt(place, runs, data))
         if full:
             make_dataset(labels_of(load_spec(SPECS / "shifted.toml")), work / "shifted", processes=1, device=device)
             keep(shifted(work / "shifted", work, runs, device, data))
+        keep(unseen(place, robots, work, best, runs[best], rounds, device, data))
         run = work / f"{best}_focus_blocks_0"
-        keep(stated(run, place, device, data))
+        for table in stated(run, place, 5 if full else 4, device, data):
+            keep(table)
         keep(photons(run, place, device, data))
         keep(images_needed(place, work, best, runs[best], device, data))
         keep(ablation(place, work, runs, device, data))
@@ -139,68 +142,6 @@ def section(device: str, tables: list[Table], data: dict[str, Any], *words: str)
     return Section(name="vision_networks", kind=kind, machine=machine, tables=tables, data=data, asked=asked)
 
 
-Trainings = dict[Path, Settings]
-"""Settings of trainings by their folders."""
-
-
-def of_split(work: Path, name: str, how: Mapping[str, Any], split: str, seeds: int) -> Trainings:
-    """One network on one split, with several seeds."""
-    return {work / f"{name}_{split}_{seed}": Settings(**how, split=split, seed=seed) for seed in range(seeds)}
-
-
-def of_shares(place: Path, work: Path, name: str, how: Mapping[str, Any]) -> Trainings:
-    """One network with parts of the images, for the same number of steps."""
-    whole, found = len(open_dataset(place).split("random")["train"]), {}
-    for share in SHARES:
-        count = int(share * whole)
-        settings = Settings(**{**how, "epochs": round(how["epochs"] / share)}, images=count if share < 1.0 else 0)
-        found[work / (f"{name}_{count}" if share < 1.0 else f"{name}_random_0")] = settings
-    return found
-
-
-def of_losses(work: Path, runs: Mapping[str, Any]) -> Trainings:
-    """The first network, with the right loss of the depth and with the published one."""
-    how = {**next(iter(runs.values())), "heads": "paper", "augment": False}
-    return {work / f"loss_{loss}": Settings(**how, depth_loss=loss) for loss in ("right", "broadcast")}
-
-
-def all_trainings(place: Path, work: Path, runs: Mapping[str, Any], best: str, seeds: int) -> Trainings:
-    """What the tables look at, the longest first; `best` is the network that is looked at closely."""
-    found = of_losses(work, runs) | of_shares(place, work, best, runs[best])
-    for split in SPLITS:
-        for name, how in runs.items():
-            found |= of_split(work, name, how, split, seeds)
-    order = ("vgg16", "resnet50", "resnet18", "small")
-    return dict(sorted(found.items(), key=lambda row: (order.index(row[1].net), -row[1].epochs)))
-
-
-def at_once(place: Path, trainings: Trainings, devices: Sequence[str]) -> None:
-    """Train in a process for each device that is named; what is there already is left."""
-    context = multiprocessing.get_context("spawn")
-    free = context.Queue()
-    for device in devices:
-        free.put(device)
-    with ProcessPoolExecutor(len(devices), mp_context=context, initializer=take_device, initargs=(free,)) as pool:
-        done = [pool.submit(train_one, place, folder, how) for folder, how in trainings.items()]
-        for n, one in enumerate(as_completed(done), 1):
-            print(f"training {n} of {len(done)}: {one.result()}", file=sys.stderr, flush=True)
-
-
-DEVICE = ["cpu"]
-"""Where this process trains."""
-
-
-def take_device(free: Any) -> None:
-    """Of a process of `at_once`: the device on which all its trainings run."""
-    DEVICE[0] = free.get()
-
-
-def train_one(place: Path, folder: Path, how: Settings) -> str:
-    """A training in a process of `at_once`."""
-    found = train(place, folder, how, device=DEVICE[0])
-    return f"{folder.name}, {found['training_seconds']:.0f} s on {DEVICE[0]}"
-
-
 def table_of_splits(
     place: Path, work: Path, runs: Mapping[str, Any], seeds: int, device: str, data: dict[str, Any]
 ) -> Table:
@@ -223,32 +164,13 @@ def table_of_splits(
             scores = scores_of(said, targets, found.labels, parts["test"])
             rows.append((f"{name}, {split}", *cells([scores]), NOTHING, NOTHING))
             data[f"{name}, {split}"] = scores
-    head = (
-        "network, split",
-        "accuracy",
-        "F1",
-        "depth, normalised",
-        "depth [µm]",
-        "tilt [°]",
-        "training [s]",
-        "images/s",
-    )
+    head = ("network, split", *ERRORS, "training [s]", "images/s")
     size = f"{found.count} images of {found.shape[1]} × {found.shape[0]} pixels, {len(found.classes)} tilts"
-    note = f"{size}; random weights; root mean square errors of the test part; depth in µm and tilt by the pose's head."
+    note = (
+        f"{size}; random weights; root mean square errors of the test part; depth in µm by the pose's head, or by the "
+    )
+    note += "paper's times the sweep; tilt by the pose's head."
     return Table(title="Splits at random and by blocks of focus", head=head, rows=rows, note=note)
-
-
-def cells(scores: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Mean, and spread where there are several seeds."""
-    out = []
-    for key in ("accuracy", "f1", "depth_normalized_rmse", "depth", "tilt"):
-        values = [s.get(key, s.get("rmse", {}).get(key)) for s in scores]
-        if any(v is None for v in values):
-            out.append(NOTHING)
-        else:
-            spread = f" ± {np.std(values, ddof=1):.2g}" if len(values) > 1 else ""
-            out.append(f"{np.mean(values):.3g}{spread}")
-    return out
 
 
 def shifted(place: Path, work: Path, runs: Mapping[str, Any], device: str, data: dict[str, Any]) -> Table:
@@ -264,24 +186,25 @@ def shifted(place: Path, work: Path, runs: Mapping[str, Any], device: str, data:
             data[f"shifted {name}, {split}"] = one.said()
     found = open_dataset(place)
     note = f"{found.count} images of `vision/shifted.toml`: what varies there is said in it. One seed."
-    head = ("network, trained on", "accuracy", "F1", "depth, normalised", "depth [µm]", "tilt [°]", "depth within 95 %")
+    head = ("network, trained on", *ERRORS, "depth within 95 %")
     return Table(title="Other optics, other robots", head=head, rows=rows, note=note)
 
 
-def stated(run: Path, place: Path, device: str, data: dict[str, Any]) -> Table:
-    """Whether the uncertainty is right, and how far errors are from the Cramér–Rao bound."""
-    _, (one,) = evaluate(run, [place], poses=4, baselines=False, device=device)
+def stated(run: Path, place: Path, poses: int, device: str, data: dict[str, Any]) -> list[Table]:
+    """Whether the uncertainty is right, and how far errors are from the Cramér–Rao bound: together, and by pose."""
+    _, (one,) = evaluate(run, [place], poses=poses, baselines=False, device=device)
     data["stated"] = one.said()
-    rows = []
+    rows, tilts = [], len({row["tilt"] for row in one.by_pose})
     for name, value in one.efficiency.items():
         unit = "°" if name in ("tilt", "yaw") else "µm"
         coverage = [f"{100 * one.scores['coverage'][p][name]:.0f} %" for p in ("68", "95")]
         errors = (f"{one.scores[of][name]:.3g}" for of in ("rmse", "sigma"))
         ends = (f"{value['bound']:.2g}", f"{100 * value['efficiency']:.2g} %")
         rows.append((f"{name} [{unit}]", *errors, *coverage, *ends))
-    note = f"Small network, blocks of focus; negative log density {one.scores['nll']:.2f} nats; bound of four poses."
+    note = f"Small network, blocks of focus; negative log density {one.scores['nll']:.2f} nats; bound of {tilts} tilts."
     head = ("quantity", "error", "stated", "within 68 %", "within 95 %", "Cramér–Rao bound", "bound / error")
-    return Table(title="Stated uncertainty, and what the images hold", head=head, rows=rows, note=note)
+    whole = Table(title="Stated uncertainty, and what the images hold", head=head, rows=rows, note=note)
+    return [whole, bounds_by_pose(one)]
 
 
 def photons(run: Path, place: Path, device: str, data: dict[str, Any]) -> Table:
@@ -322,7 +245,7 @@ def images_needed(
         found = train(place, folder, settings, device=device)
         rows.append((str(found["images"]["train"]), *cells([found["test"]])))
         data[f"images {found['images']['train']}"] = found["test"]
-    head = ("training images", "accuracy", "F1", "depth, normalised", "depth [µm]", "tilt [°]")
+    head = ("training images", *ERRORS)
     return Table(title="Errors over the number of images", head=head, rows=rows, note="Small network, random split.")
 
 

@@ -14,7 +14,7 @@ def test_it_reports_splits_bounds_photons_and_run_times(tmp_path: Path) -> None:
     pytest.importorskip("torch")
     pytest.importorskip("onnxruntime")
     section = vision_networks.measure("cpu", folder=tmp_path / "work", runs=TINY, devices=("cpu", "cpu"))
-    assert [len(table.rows) for table in section.tables] == [6, 4, 4, 3, 2, 1, 3]
+    assert [len(table.rows) for table in section.tables] == [6, 10, 3, 4, 8, 4, 3, 2, 1, 3]
     json.dumps(section.json(), allow_nan=False)
     assert "`python -m benchmarks.vision_networks --devices cpu cpu`" in section.markdown().splitlines()[0]
 
@@ -32,8 +32,8 @@ def test_the_full_tables_are_filled(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(vision_networks, "SPECS", tmp_path)
     runs = PAPERS | {"small, pose": TINY["small"]}
     section = vision_networks.measure("cpu", full=True, folder=tmp_path / "work", runs=runs, devices=("cpu", "cpu"))
-    assert section.tables[1].title == "Other optics, other robots"
-    assert [len(table.rows) for table in section.tables] == [8, 4, 4, 4, 3, 2, 2, 4]
+    assert section.tables[2].title == "Other optics, other robots"
+    assert [len(table.rows) for table in section.tables] == [8, 5, 4, 3, 4, 10, 4, 3, 2, 2, 4]
     json.dumps(section.json(), allow_nan=False)
 
 
