@@ -117,7 +117,7 @@ def large_images(work: Path, device: str, data: dict[str, Any]) -> Table:
         how = Settings(net=net, epochs=1, batch=8, split="random")
         train(place, work / f"large_{net}", how, device=device)
         runs[f"{net}, 128 px"] = work / f"large_{net}"
-    return run_times(work, runs, data)
+    return run_times(work, runs, device, data)
 
 
 def measure(device: str = "cpu", *, rounds: int = 1) -> Section:
