@@ -155,7 +155,8 @@ def _times(fourier: Fourier, rounds: int, data: dict[str, Any]) -> Table:
     begun = clock()
     scattered_spectra(Specimen.of_spheres(LEANING[[0, 2, 4]], 0.75, 1.52), microscope, light, grid, fourier)
     data["seconds"]["mie"] = {"pose": clock() - begun}
-    rows.append(("exact, three spheres", f"{1 / data['seconds']['mie']['pose']:.2g}", *rows[0][2:]))
+    unmeasured = [NOTHING] * (len(rows[0]) - 2)
+    rows.append(("exact, three spheres", f"{1 / data['seconds']['mie']['pose']:.2g}", *unmeasured))
     many = (f"poses/s, {TOGETHER} together", "images/s of these") if len(together) > 1 else ()
     return Table(title="Poses and images a second, 128 × 128 points, 61 source points, a robot 4 µm high",
                  head=("method", "poses/s", "images/s", *many), rows=rows,
