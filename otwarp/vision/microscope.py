@@ -34,7 +34,7 @@ class Microscope:
         wavelength: In vacuum [µm].
         bandwidth: Full width at half maximum of the spectrum, a Gaussian [µm]; 0 for one wavelength.
         medium_index: Refractive index of the liquid.
-        immersion_index: Refractive index between objective and cover glass.
+        immersion_index: Refractive index of immersion and cover glass, taken as one.
         contrast: One of `CONTRASTS`; the equations are those of `otwarp.vision.pupil`.
         ring_delay: By which the ring of phase contrast delays direct light [wavelengths]; −1/4 shows what is optically
             dense dark (positive phase contrast), 1/4 shows it bright.

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from otwarp.cli.main import main
 from otwarp.errors import PlausibilityWarning
 from otwarp.vision.moment import moments
 from otwarp.vision.pictures import picture
@@ -22,6 +23,19 @@ def test_bodies_that_the_edge_cuts_are_named() -> None:
         found = [picture(seen, size=size, rendering=Rendering(rings=1, thickness=0.5), device="cpu").cut
                  for size in ((24, 24), (48, 24), (48, 48))]  # fmt: skip
     assert found == [("/World/bead",), ("/World/bead",), ()]
+
+
+@pytest.mark.quick
+def test_a_body_outside_the_frame_is_refused_in_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = Path("scenes/single_bead.usda").read_text(encoding="utf-8")
+    scene = tmp_path / "away.usda"
+    scene.write_text(text.replace("xformOp:translate = (0, 0, 10)", "xformOp:translate = (30, 40, 10)", 1))
+    assert main(["vision", "render", str(scene), "--device", "cpu", "-o", str(tmp_path / "away.png")]) == 2
+    assert capsys.readouterr().err == (
+        "otwarp: no body is in the image, /World/bead is nearest, 50 µm from its middle; allowed: a larger --size, "
+        "or --center /World/bead\n"
+    )
+    assert not (tmp_path / "away.png").exists()
 
 
 @pytest.mark.quick

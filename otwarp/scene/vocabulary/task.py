@@ -51,7 +51,10 @@ CAMERA = Schema(
             "ot:camera:bandwidth", 0.0, "length", "[0, 1e-06]", doc="Full width at half maximum of the illumination."
         ),
         Attribute(
-            "ot:camera:immersionIndex", 1.518, range="[1, 3]", doc="Refractive index of immersion and cover glass."
+            "ot:camera:immersionIndex",
+            1.518,
+            range="[1, 3]",
+            doc="Refractive index of immersion and cover glass, taken as one.",
         ),
         Attribute(
             "ot:camera:depth",
@@ -71,7 +74,12 @@ CAMERA = Schema(
             range="[-10, 10]",
             doc="Spherical aberration (Noll 11), rms [wavelengths].",
         ),
-        Attribute("ot:camera:magnification", 100.0, range="(0, 10000]", doc="From the object plane to the sensor."),
+        Attribute(
+            "ot:camera:magnification",
+            100.0,
+            range="(0, 10000]",
+            doc="From the object plane to the sensor; informative: `ot:camera:pixelSize` decides.",
+        ),
         Attribute("ot:camera:pixelSize", 65e-9, "length", "(0, 0.0001]", doc="Pixel size in the object plane."),
         Attribute("ot:camera:focus", 0.0, "length", "[-0.01, 0.01]", doc="Height of the focal plane."),
         Attribute(
