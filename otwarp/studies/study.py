@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from otwarp.studies.asked import asked_by
 from otwarp.studies.axes import Scatter, dimensions
 from otwarp.studies.compute import compute_blocks
 from otwarp.studies.design import Design, blocks, check_starts, cut_blocks
+from otwarp.studies.differences import difference
 from otwarp.studies.observables import check_observables, check_time, same_end
 from otwarp.studies.plan import PER_POINT, Plan, plan_of, steps_of_points
 from otwarp.studies.runner import Runner
@@ -45,7 +47,7 @@ class Study:
     """A batched study of a scene.
 
     Args:
-        scene: A scene that was loaded from a file, its file, or the name of a shipped one.
+        scene: A scene as it was loaded from a file, its file, or the name of a shipped one.
         axes: What varies: name (see `otwarp.studies.targets`) → `grid`, `values`, `random`, `normal` or `sobol`; a
             tuple of names → as many, which go together.
         observables: What is asked of every trial.
@@ -93,15 +95,15 @@ class Study:
                 "the scene of a study has no file; allowed: a scene that was loaded, SceneBuilder saves one"
             )
         variations = Variations(file)
-        loaded = scene if isinstance(scene, Scene) else variations.scene({})
+        there = variations.scene({})
+        loaded = scene if isinstance(scene, Scene) else there
+        _check_as_read(loaded, _lasting(there, loaded))
         self.seed = _whole("seed", seed, 0, 2**32 - 1)
         self.stop = stop or Stop()
         self.design = Design.of(loaded, variations, self.stop.arranged(dimensions(axes or {})))
+        if self.design.grouped:  # models of groups are made from the file, and last as long as it says
+            _check_as_read(loaded, there)
         check_starts(self.design)
-        if self.design.grouped and loaded != variations.scene({}):
-            raise InputError(
-                f"the scene is not that of its file {file}; allowed beside axes of attributes or speeds: as it was read"
-            )
         self.observables = check_observables(observables, loaded)
         self.stop.check([o.name for o in self.observables if o.kind == "probability"], self.design.points)
         self.options = options or StepOptions()
@@ -250,6 +252,28 @@ class Study:
         from otwarp.studies.results import table
 
         return table(run_study(self, folder, **how))
+
+
+def _lasting(scene: Scene, other: Scene) -> Scene:
+    """The scene with the length of the other's run, which whoever loads a scene may choose."""
+    return replace(scene, settings=replace(scene.settings, duration=other.settings.duration))
+
+
+def _check_as_read(scene: Scene, there: Scene) -> None:
+    """Refuse a scene that was changed in Python: a study keeps its file, and makes variants from that.
+
+    Args:
+        scene: Of the study.
+        there: What its file says.
+
+    Raises:
+        InputError: They differ; the message says in what first.
+    """
+    if scene == there:
+        return
+    where, file, now = difference(there, scene) or ("something", "one", "another")
+    raise InputError(f"the scene is not that of its file {scene.file}: {where} is {file} there, {now} now; allowed: "
+                     "as it was read, so save the changed one by SceneBuilder, or make the change an axis")  # fmt: skip
 
 
 def _scattered(name: str, scatter: Any, scene: Scene, variations: Variations) -> Target:

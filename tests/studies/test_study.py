@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import signal
 import subprocess
@@ -279,13 +278,6 @@ def test_bad_axes(scene, axes, said):
     """Name, value and what is allowed."""
     with pytest.raises(InputError, match=said):
         study_of(scene, axes=axes)
-
-
-def test_a_scene_that_is_not_its_file(scene):
-    """Attributes are varied in the file: a scene that was changed in Python would lose its changes without a word."""
-    changed = dataclasses.replace(Scene.load(scene), traps=())
-    with pytest.raises(InputError, match="is not that of its file"):
-        study_of(changed, axes={"/World/bead/sphere.radius": values([0.4], unit="µm")})
 
 
 def test_a_start_inside_an_obstacle():

@@ -64,7 +64,7 @@ class EscapeStudy(Study):
     is that of the engine, a trap that has lost its sphere.
 
     Args:
-        scene: A scene that was loaded from a file, or its file.
+        scene: A scene as it was loaded from a file, its file, or the name of a shipped one.
         axes: What varies, as for `Study`.
         order: How far a world has come; `ot.distance()` unless another is given.
         interfaces: Values of it, increasing, between the basin and the escape; None: pilot runs place them.
