@@ -11,7 +11,7 @@ import click
 from otwarp.cli.lazy import LazyGroup
 
 COMMANDS = {
-    "plan": "Say what a study will compute, and how long that takes; nothing runs.",
+    "plan": "Say what a study will compute, and how long that takes; nothing is stored.",
     "run": "Compute a study, or go on with it.",
     "status": "Say how far a study is.",
     "show": "Print or draw what a study has found.",

@@ -1,4 +1,4 @@
-"""`otwarp study plan`: points, trials, groups, steps, memory and estimated time; nothing runs."""
+"""`otwarp study plan`: points, trials, groups, steps, memory and time; some trials are timed, nothing is stored."""
 
 from __future__ import annotations
 
@@ -24,7 +24,10 @@ if TYPE_CHECKING:
 @device_option
 @json_option
 def plan(file: Path, device: str | None, as_json: bool) -> None:
-    """Say what the study in STUDY will compute, and how long that takes on this machine."""
+    """Say what the study in STUDY will compute, and how long that takes on this machine.
+
+    Some of its trials are timed; none is kept.
+    """
     from otwarp.device import pick_device
     from otwarp.studies.engines.local import batch_of
     from otwarp.studies.engines.memory import room_of
