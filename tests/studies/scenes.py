@@ -85,3 +85,25 @@ def bead_in_a_well(
         )
     )
     return builder.save(folder / "well.usda")
+
+
+def pair_in_wells(folder: Path, *, speed: float = 0.0) -> Path:
+    """A robot of two spheres, 2 µm apart, each in a trap as that of `bead_in_a_well`, moving along x; the file."""
+    builder = SceneBuilder(settings=Settings(duration=2.0))
+    spheres = [
+        Sphere(prim=f"/World/pair/s{n}", offset=(x, 0.0, 0.0), radius=0.5, refractive_index=1.59)
+        for n, x in enumerate((-1.0, 1.0))
+    ]
+    builder.add(Body(prim="/World/pair", position=(0.0, 0.0, 10.0), spheres=tuple(spheres)))
+    for n, sphere in enumerate(spheres):
+        way = np.add(sphere.offset, [(0.0, 0.0, 10.0), (2.0 * speed, 0.0, 10.0)])
+        builder.add(
+            Trap(
+                prim=f"/World/trap{n}",
+                position=Track(times=np.array([0.0, 2.0]), values=way) if speed else Track.constant(tuple(way[0])),
+                power=Track.constant(1.0),
+                radial=TrapLaw(stiffness=0.5, threshold=0.4, cutoff=0.4, power=1.0),
+                holds=sphere.prim,
+            )
+        )
+    return builder.save(folder / "pair.usda")

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import json
 import math
+import os
+import signal
+import sys
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -21,8 +26,10 @@ from otwarp.studies.rare.study import EscapeStudy
 from otwarp.studies.results import table
 from otwarp.studies.stopping.rules import trials
 from otwarp.studies.stopping.search import largest
+from otwarp.studies.store import Store, open_store
 from otwarp.studies.study import Study
-from tests.studies.scenes import bead_in_a_well
+from tests.full_disk import largest_file
+from tests.studies.scenes import bead_in_a_well, study_of_a_well
 
 pytest.importorskip("zarr")
 
@@ -115,6 +122,69 @@ def test_a_shard_without_a_block(scene, tmp_path, capsys):
     assert main([*line, "--shard", "2/2"]) == 0
     said = capsys.readouterr().out
     assert "shard 2/2 has none of the 1 block: nothing to compute" in said and "0 of 1 blocks" in said
+
+
+@pytest.fixture(scope="module")
+def three_blocks(scene):
+    """A file of a study of three blocks, and what an undisturbed run of it gives."""
+    file = scene.parent / "three.toml"
+    file.write_text(study_of_a_well(6, 2_048).replace("0.1 s", "4 ms"))
+    assert main(["study", "run", str(file), "--device", "cpu", "-o", str(scene.parent / "three")]) == 0
+    return file, open_store(scene.parent / "three").read().load()
+
+
+def at_block(monkeypatch, number: int, do: Callable[[], object]) -> None:
+    """Have something happen when the arrays of a block are written and its marker is not."""
+    mark = Store.mark
+
+    def marked(store: Store, block: int) -> None:
+        if block == number:
+            do()
+        mark(store, block)
+
+    monkeypatch.setattr(Store, "mark", marked)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+@pytest.mark.parametrize(
+    ("number", "word", "code"), [(signal.SIGINT, "interrupted", 130), (signal.SIGTERM, "terminated", 143)]
+)
+def test_an_interrupted_study_goes_on(three_blocks, tmp_path, monkeypatch, capsys, number, word, code):
+    """Ctrl-C, and SIGTERM as schedulers send it, within the second block: what is kept and why it ended are said, the
+    first block is kept, and the same line goes on to the bits of an undisturbed run."""
+    file, whole = three_blocks
+    line = ["study", "run", str(file), "--device", "cpu", "-o", str(tmp_path / "out")]
+    # a shell starts what runs in the background with interrupts ignored
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with monkeypatch.context() as patched:
+            at_block(patched, 1, lambda: os.kill(os.getpid(), number))
+            assert main(line) == code
+    finally:
+        signal.signal(signal.SIGINT, before)
+    said = [text for text in capsys.readouterr().err.splitlines() if not text.startswith("otwarp: block ")]
+    kept = f"otwarp: finished blocks are kept in {tmp_path / 'out'}: the same line goes on"
+    assert said == [kept, f"otwarp: {word}"]
+    assert open_store(tmp_path / "out").finished() == [0]
+    assert main(line) == 0
+    assert open_store(tmp_path / "out").read().load().identical(whole)
+
+
+def test_a_disk_that_fills_up_during_a_study(three_blocks, tmp_path, monkeypatch, capsys):
+    """One line, exit code 2, the first block is kept, and with more room the same line goes on to the same bits."""
+    file, whole = three_blocks
+    line = ["study", "run", str(file), "--device", "cpu", "-o", str(tmp_path / "out")]
+    with contextlib.ExitStack() as full, monkeypatch.context() as patched:
+        at_block(patched, 1, lambda: full.enter_context(largest_file(1)))
+        assert main(line) == 2
+    said = [text for text in capsys.readouterr().err.splitlines() if not text.startswith("otwarp: block ")]
+    assert len(said) == 1 and said[0].startswith(f"otwarp: {tmp_path / 'out'}/")
+    assert said[0].endswith(
+        "File too large; allowed: a disk with room, where the same line goes on: finished blocks are kept"
+    )
+    assert open_store(tmp_path / "out").finished() == [0]
+    assert main(line) == 0
+    assert open_store(tmp_path / "out").read().load().identical(whole)
 
 
 @pytest.mark.parametrize("text", ["[]", "3", "{}", '{"version": 1}', '{"version": 1, "scene": {}, "stop": {}}'])

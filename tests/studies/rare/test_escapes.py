@@ -21,7 +21,7 @@ from otwarp.studies.rare.study import EscapeStudy
 from otwarp.studies.store import open_store
 from otwarp.units import BOLTZMANN
 from tests.reference.fokker_planck import mean_first_passage
-from tests.studies.scenes import bead_in_a_well, energy
+from tests.studies.scenes import bead_in_a_well, energy, pair_in_wells
 
 pytest.importorskip("zarr")
 
@@ -117,21 +117,27 @@ def test_precisely_against_the_exact_time(scene, depth, how, most):
     check(study, depth, step=0.01, most=most)
 
 
+def waited_for(scene: Path, study: EscapeStudy, power: float, *, worlds: int) -> tuple[float, float]:
+    """Rate of first passages [1/s] of worlds that all run until they have escaped, and its relative standard error."""
+    sim = ot.Simulation(
+        ot.Scene.load(scene), worlds=worlds, seed=12, device="cpu", ends=[ot.escaped],
+        time_step=study.horizon / int(study.step_counts[0]), parameters={"trap_power": power},
+        allow_large_step=True,
+    )  # fmt: skip
+    while sim.episodes.running:
+        sim.step(500)
+    steps = sim.readout.escape_step.numpy()
+    times = (np.where(steps < 0, np.inf, steps).min(axis=1) - 0.5) * sim.time_step
+    return 1.0 / times.mean(), times.std(ddof=1) / times.mean() / np.sqrt(len(times))
+
+
 @pytest.mark.validate
 @pytest.mark.parametrize("depth", [5.0, 6.5, 8.0])
 def test_against_trajectories_that_wait_for_it(scene, depth):
     """First passages of worlds that all run until they have escaped: the same rate, within 5 standard errors."""
     study = at(scene, depth, runs=16, branches=2000)
     rates = study.compute([0], device="cpu")[0]["rate_of_trial"].ravel()
-    sim = ot.Simulation(
-        ot.Scene.load(scene), worlds=4000, seed=12, device="cpu", ends=[ot.escaped],
-        time_step=study.horizon / int(study.step_counts[0]), parameters={"trap_power": power_of(depth)},
-        allow_large_step=True,
-    )  # fmt: skip
-    while sim.episodes.running:
-        sim.step(500)
-    times = (sim.readout.escape_step.numpy()[:, 0] - 0.5) * sim.time_step
-    direct, error = 1.0 / times.mean(), times.std(ddof=1) / times.mean() / np.sqrt(len(times))
+    direct, error = waited_for(scene, study, power_of(depth), worlds=4000)
     own = rates.std(ddof=1) / rates.mean() / np.sqrt(len(rates))
     assert error < 0.02 and own < 0.02
     assert abs(rates.mean() / direct - 1.0) < 5.0 * np.hypot(error, own)
@@ -191,6 +197,32 @@ def test_in_a_tabulated_trap():
     assert error < 0.03
     # the table leaves 1e-3 of the peak force, the start of a path below the centre some milliseconds of seconds
     assert abs(rates.mean() * exact.value - 1.0) < 5.0 * error + 0.03 + exact.error / exact.value
+
+
+def test_the_ratio_of_steps_tells_a_coarse_one(tmp_path, scene):
+    """Of a well of 5 k_BT: 1 within 5 standard errors at 0.05 γ/k, and more than as many above it at 1 γ/k."""
+    power = power_of(5.0)
+    axes = {"trap_power": ot.values([power], unit="mW")}
+    for step, good in ((0.05, True), (1.0, False)):
+        time_step = step * DRAG / (STIFFNESS * power)
+        study = EscapeStudy(scene, axes=axes, runs=8, branches=200, seed=11, time_step=time_step)
+        found = study.run(tmp_path / f"{step:g}", devices=["cpu"])
+        ratio, error = (float(found[name].item()) for name in ("step_ratio", "step_ratio_error"))
+        away = (ratio - 1.0) / error
+        assert error < 0.06
+        assert abs(away) < 5.0 if good else away > 5.0, f"{step:g} γ/k: {ratio:.3f} ± {error:.3f}"
+
+
+def test_a_robot_against_trajectories_that_wait_for_it(tmp_path):
+    """A rigid body of two spheres, each in a well of 6 k_BT, until a trap has lost its own: the rate of 2,000 worlds
+    that all run until then, within 5 standard errors of both."""
+    file, power = pair_in_wells(tmp_path), power_of(6.0)
+    study = at(file, 6.0, runs=16, branches=200, time_step=0.1 * DRAG / (STIFFNESS * power))
+    rates = study.compute([0], device="cpu")[0]["rate_of_trial"].ravel()
+    direct, error = waited_for(file, study, power, worlds=2000)
+    own = rates.std(ddof=1) / rates.mean() / np.sqrt(len(rates))
+    assert error < 0.03 and own < 0.05
+    assert abs(rates.mean() / direct - 1.0) < 5.0 * np.hypot(error, own)
 
 
 @pytest.mark.thorough
