@@ -33,22 +33,20 @@ BODY_BLOCKS = 8
 GRID_WORLD_BODIES = 512
 """Bodies, and what collides of them, up to which a block of threads steps a world of the grid driver by itself."""
 
-WORLD_THREADS = 256
-"""Threads that share out such a world at most, and of a block: of small worlds it holds several."""
+WORLD_BLOCK = 512
+"""Threads of a block of such worlds, as many as a multiprocessor holds of 128 registers each: the parts of a step are
+begun by all of them together, as a multiprocessor keeps no more code at hand than a part of it."""
 
-WORLD_BLOCKS = 2
-"""Such blocks that a multiprocessor is to hold: 128 registers a thread."""
-
-
-def world_threads(bodies: int) -> int:
-    """Threads that share out a world of so many bodies: whole warps."""
-    return min(WORLD_THREADS, 32 * ((bodies + 31) // 32))
+WORLD_LANES = 64
+"""Threads that share out such a world at least: a block has barriers for no more worlds than these make."""
 
 
-def world_block(bodies: int) -> int:
-    """Threads of a block of such worlds."""
-    threads = world_threads(bodies)
-    return threads * (WORLD_THREADS // threads)
+def world_lanes(worlds: int, processors: int) -> int:
+    """Threads that share out a world: no more than give each multiprocessor a block, a power of two."""
+    lanes = WORLD_BLOCK
+    while lanes > WORLD_LANES and worlds * lanes > WORLD_BLOCK * processors:
+        lanes //= 2
+    return lanes
 
 
 CPU_FLAGS = "-march=native -mllvm=-inline-threshold=200000 -mllvm=-inline-cold-callsite-threshold=200000"
@@ -178,7 +176,7 @@ class Features:
         """How Warp compiles the step."""
         block = TURNING_BLOCK if self.driver == "solo" and self.rigid else BLOCK
         if self.by_world:
-            block = world_block(self.bodies)
+            block = WORLD_BLOCK
         return {"fast_math": self.fast_math, "cpu_compiler_flags": CPU_FLAGS, "block_dim": block}
 
     @property

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 import warp as wp
 
-from otwarp.kernels.core.features import world_block, world_threads
+from otwarp.kernels.core.features import WORLD_BLOCK, world_lanes
 from otwarp.kernels.drivers.grid.soft import fill_slots
 from otwarp.kernels.drivers.grid.turns import TURNS
 from otwarp.simulation.drivers.compilation import load_kernels, usable_cores
@@ -36,8 +36,8 @@ class BlockStepper:
         self.push = allocate_push(model)
         self.layout, self.launches = -1, list[RecordedLaunch]()
         cpu = model.device.is_cpu
-        self.lanes = 1 if cpu else world_threads(model.features.bodies)
-        self.block = 1 if cpu else world_block(model.features.bodies)
+        self.lanes = 1 if cpu else world_lanes(model.worlds, model.device.sm_count)
+        self.block = 1 if cpu else WORLD_BLOCK
         self.chunks = min(parts.threads or usable_cores(), model.worlds) if cpu else 1
         self.pool = ThreadPoolExecutor(self.chunks) if self.chunks > 1 else None
         blocks = model.features.lanes or model.features.blocks

@@ -8,7 +8,7 @@ import warp as wp
 
 from otwarp.kernels.contact.body_solve import nodes_of
 from otwarp.kernels.contact.contact_list import ContactList, unused_fields
-from otwarp.kernels.core.features import KEPT_CONTACTS, Features, world_threads
+from otwarp.kernels.core.features import KEPT_CONTACTS, Features, world_lanes
 from otwarp.kernels.core.team import LARGEST
 from otwarp.kernels.drivers.world_room import SolveRoom, WorldScratch
 from otwarp.simulation.packing.arrays import Place
@@ -48,8 +48,8 @@ def team_for(f: Features, worlds: int, device: wp.Device) -> int:
 
 def largest_launch(f: Features, worlds: int, device: wp.Device) -> int:
     """Threads of the largest launch over the traps or bodies of `worlds` worlds, of any driver or readout."""
-    block = world_threads(f.bodies) if f.by_world else 1
-    return worlds * max(f.traps + f.bodies, spread_of(worlds, device), block, f.team * f.bodies)
+    lanes = world_lanes(worlds, device.sm_count) if f.by_world and device.is_cuda else 1
+    return worlds * max(f.traps + f.bodies, spread_of(worlds, device), lanes, f.team * f.bodies)
 
 
 def allocate_world(features: Features, rows: int, place: Place) -> Annotated[Any, WorldScratch]:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.features import WORLD_BLOCK, WORLD_LANES, Features, world_lanes
 from otwarp.kernels.terms import terms
 
 BARE = Features(brownian=False, spheres=False)
@@ -56,3 +56,12 @@ def test_contact_brings_implicit_forces_unless_it_is_soft():
 def test_traps_are_still_unless_they_move_by_themselves():
     assert BARE.still_traps
     assert not replace(BARE, moving_traps=True).still_traps and not replace(BARE, speed_limits=True).still_traps
+
+
+def test_lanes_fill_each_multiprocessor_once():
+    """Few worlds have a block each; as many as fit go together in one wave; a block has whole worlds."""
+    found = {worlds: world_lanes(worlds, 132) for worlds in (1, 132, 133, 264, 265, 528, 529, 1056, 1057, 10**6)}
+    assert found[1] == found[132] == WORLD_BLOCK
+    assert found[133] == found[264] == 256 and found[265] == found[528] == 128
+    assert found[529] == found[1056] == found[1057] == found[10**6] == WORLD_LANES
+    assert all(WORLD_BLOCK % lanes == 0 and WORLD_BLOCK // lanes < 16 for lanes in found.values())

@@ -9,7 +9,7 @@ a CPU a block is one thread, and several of them share out the worlds.
 
 import warp as wp
 
-from otwarp.kernels.core.features import WORLD_BLOCKS, Features, world_block
+from otwarp.kernels.core.features import WORLD_BLOCK, Features
 from otwarp.kernels.core.packed import radius_of
 from otwarp.kernels.core.types import ControlData, ModelData, ReadoutData, StateData
 from otwarp.kernels.core.worlds import start_term, world_term
@@ -204,8 +204,7 @@ def steps_term(f: Features) -> wp.Function:
 def make_world_of_many_step(f: Features) -> wp.Kernel:
     """Kernel over (world, lane): many steps of a world of many bodies; with episodes, of one in motion."""
     take_steps, world_at, start_of = steps_term(f), world_term(f), start_term(f)
-    bounds = (world_block(f.bodies), WORLD_BLOCKS)
-    how = {"grid_stride": False, "launch_bounds": bounds, "module_options": f.module_options}
+    how = {"grid_stride": False, "launch_bounds": (WORLD_BLOCK, 1), "module_options": f.module_options}
 
     @wp.kernel(module="unique", enable_backward=False, **how)
     def world_of_many(
