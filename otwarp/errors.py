@@ -14,6 +14,13 @@ class InputError(ValueError):
     """
 
 
+def is_full_memory(error: BaseException) -> bool:
+    """Whether an error of torch or Warp, which are not imported here, says that the memory of a device is full."""
+    return isinstance(error, RuntimeError) and (
+        type(error).__name__ == "OutOfMemoryError" or str(error).startswith("Failed to allocate")
+    )
+
+
 class PlausibilityWarning(UserWarning):
     """What a scene says is allowed, yet implausible: the message names file, prim, value and what is usual.
 

@@ -12,7 +12,7 @@ import click
 
 from otwarp.cli.lazy import LazyGroup
 from otwarp.cli.stop import EXIT_INTERRUPTED, Terminated, terminable
-from otwarp.errors import InputError, SimulationError
+from otwarp.errors import InputError, SimulationError, is_full_memory
 
 COMMANDS = {
     "run": "Simulate a scene and record it.",
@@ -102,6 +102,11 @@ def main(arguments: list[str] | None = None) -> int:
         return _fail(f"{where}{error.strerror or error}", EXIT_SYSTEM)
     except MemoryError as error:
         return _fail(f"the memory of this machine does not suffice: {error or 'an allocation failed'}", EXIT_SYSTEM)
+    except RuntimeError as error:
+        if not is_full_memory(error):
+            raise
+        words = " ".join(str(error).split())[:100]
+        return _fail(f"the memory of the device does not suffice: {words}", EXIT_SYSTEM)
     except Stopped as error:
         terminated = isinstance(error.__cause__, Terminated)
         return _fail(*(("terminated", EXIT_TERMINATED) if terminated else ("interrupted", EXIT_INTERRUPTED)))

@@ -175,6 +175,10 @@ def test_run_refuses_a_folder_it_cannot_write(tmp_path: Path, capfd: pytest.Capt
         (OSError(28, "No space left on device", "run.nc"), "run.nc: No space left on device"),
         (OSError("trajectory.usdc: could not be written"), "trajectory.usdc: could not be written"),
         (MemoryError("24 GiB"), "the memory of this machine does not suffice: 24 GiB"),
+        (
+            RuntimeError("Failed to allocate 8 bytes on device 'cuda:0'"),
+            "the memory of the device does not suffice: Failed to allocate 8 bytes on device 'cuda:0'",
+        ),
     ],
 )
 def test_a_full_disk_or_memory_is_one_line(

@@ -17,6 +17,7 @@ from otwarp.vision.networks.baselines import BASELINES, Shown
 from otwarp.vision.networks.bound import bounds
 from otwarp.vision.networks.estimate import ANGLES
 from otwarp.vision.networks.learnt import POSES, check_robot, learnt_of, warn_of_exceeded
+from otwarp.vision.networks.library import ELSEWHERE, memory_named
 from otwarp.vision.networks.metrics import errors_of, scores_of
 from otwarp.vision.networks.predict import Predictions
 from otwarp.vision.networks.run import Estimator, network_file
@@ -187,7 +188,8 @@ def _bounded(
     data: Any, index: np.ndarray, away: np.ndarray, names: tuple[str, ...], poses: int, device: str | None
 ) -> tuple[dict[str, dict[str, float]], list[dict[str, Any]]]:
     """Bound over error of the images of some poses: of all together, and by pose and depth."""
-    rows, variance = bounds(data, index, names, poses=poses, device=device)
+    with memory_named("a pose of the Cramér–Rao bound", device or "the GPU", f"poses 0, for no bound, or {ELSEWHERE}"):
+        rows, variance = bounds(data, index, names, poses=poses, device=device)
     order = np.argsort(index)
     mine = away[order[np.searchsorted(index, rows, sorter=order)]]
     depth, pose = data.labels["depth"][rows], data.labels["pose"][rows]

@@ -7,7 +7,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from otwarp.errors import InputError
+from otwarp.errors import InputError, is_full_memory
+
+ELSEWHERE = "--device cpu, or a GPU with more memory that is free"
+"""Where there is room."""
 
 
 def torch_library() -> Any:
@@ -98,16 +101,21 @@ def repeatable(seed: int) -> Iterator[None]:
 
 
 @contextmanager
-def memory_named(batch: int, device: Any) -> Iterator[None]:
-    """Say which batch did not fit the memory of a GPU.
+def memory_named(what: str, device: Any, allowed: str = ELSEWHERE) -> Iterator[None]:
+    """Say what did not fit the memory of a GPU.
+
+    Args:
+        what: A batch, say, in words that go before `does not fit`.
+        device: Whose memory.
+        allowed: What would.
 
     Raises:
         InputError: It did not.
     """
-    torch = torch_library()
     try:
         yield
-    except torch.OutOfMemoryError as error:
+    except RuntimeError as error:
+        if not is_full_memory(error):
+            raise
         words = " ".join(str(error).split())[:100]
-        raise InputError(f"batch is {batch}, which does not fit the memory of {device} ({words}); allowed: a "
-                         "smaller one") from None  # fmt: skip
+        raise InputError(f"{what} does not fit the memory of {device} ({words}); allowed: {allowed}") from None

@@ -14,8 +14,8 @@ from otwarp.vision.networks.build import rebuilt
 from otwarp.vision.networks.captured import CapturedNetwork
 from otwarp.vision.networks.data import Resizing
 from otwarp.vision.networks.estimate import Estimate
-from otwarp.vision.networks.library import check_device_name, threads_of, torch_device, torch_library
-from otwarp.vision.networks.predict import Predictions, gathered
+from otwarp.vision.networks.library import check_device_name, memory_named, threads_of, torch_device, torch_library
+from otwarp.vision.networks.predict import BATCH, Predictions, gathered
 from otwarp.vision.networks.targets import Targets
 from otwarp.vision.networks.weights import put
 
@@ -108,14 +108,16 @@ class TorchEstimator(Estimator):
         put(module, found.get("state", {}), f"{file}: weights of another network than {about['net']}")
         super().__init__(about, targets)
         self.device, self._threads = where, threads
-        self.network = module.to(where).to(memory_format=torch_library().channels_last).eval()
+        with memory_named(f"{file}: the network", where):
+            self.network = module.to(where).to(memory_format=torch_library().channels_last).eval()
         for parameter in self.network.parameters():
             parameter.requires_grad_(False)
         self._resizing = Resizing(self.shape, about["size"], where)
         self._captured = CapturedNetwork(self._seen) if where.type == "cuda" else None
 
     def _predict(self, images: np.ndarray) -> Predictions:
-        with threads_of(self._threads), torch_library().inference_mode():
+        batch = f"batch is {min(len(images), BATCH)}, which"
+        with threads_of(self._threads), torch_library().inference_mode(), memory_named(batch, self.device):
             return gathered(self._look, images, self.targets, tuple(self.about["widen"]))
 
     def _look(self, images: np.ndarray) -> dict[str, Any]:

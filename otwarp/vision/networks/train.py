@@ -116,7 +116,7 @@ def train(
     checkpoint.check_folder(folder, asked)
     if (folder / checkpoint.METRICS).exists():
         return checkpoint.read_json(folder / checkpoint.METRICS)
-    with repeatable(settings.seed), memory_named(settings.batch, where):
+    with repeatable(settings.seed), memory_named(f"batch is {settings.batch}, which", where, "a smaller one"):
         # what is refused leaves no folder
         work = prepare(data, parts, folder, settings, where)
         checkpoint.begin(folder, asked)

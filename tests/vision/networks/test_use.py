@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from otwarp.cli.main import main
 from otwarp.errors import InputError
 from otwarp.vision.datasets import Robot, open_dataset
 from otwarp.vision.networks import Estimate, load
@@ -16,6 +17,7 @@ from otwarp.vision.networks.evaluate import check_fits, evaluate
 from otwarp.vision.networks.learnt import check_robot, exceeded
 from otwarp.vision.networks.onnx_file import export
 from otwarp.vision.networks.report import write_report
+from otwarp.vision.networks.run import TorchEstimator
 
 
 def test_estimates_are_near_the_truth_and_say_how_near(smoke: Path, trained: Path) -> None:
@@ -156,6 +158,36 @@ def test_evaluation_makes_a_page_with_figures(smoke: Path, trained: Path, tmp_pa
     }  # fmt: skip
     said = json.loads((tmp_path / "report" / "report.json").read_text())
     assert np.sum(said["evaluations"][1]["scores"]["confusion"]) == 200
+
+
+@pytest.mark.parametrize("command", ["evaluate", "find"])
+def test_a_full_gpu_is_a_line_that_names_the_batch(
+    command: str, smoke: Path, trained: Path, tmp_path: Path, monkeypatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import torch
+
+    def full(*_: object) -> object:
+        raise torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 2.00 GiB.")
+
+    monkeypatch.setattr(TorchEstimator, "_seen", full)
+    np.save(tmp_path / "frame.npy", open_dataset(smoke).images([100])[0])
+    asked = {"evaluate": [trained, smoke, "--report", tmp_path / "report"],
+             "find": [tmp_path / "frame.npy", "--net", trained, "-o", tmp_path / "found.csv"]}  # fmt: skip
+    assert main(["vision", command, *map(str, asked[command]), "--device", "cpu"]) == 2
+    batch = {"evaluate": 25, "find": 1}[command]
+    assert capsys.readouterr().err.splitlines()[-1] == (
+        f"otwarp: batch is {batch}, which does not fit the memory of cpu (CUDA out of memory. Tried to allocate "
+        "2.00 GiB.); allowed: --device cpu, or a GPU with more memory that is free"
+    )
+
+
+def test_bounds_that_do_not_fit_are_named(smoke: Path, trained: Path, monkeypatch) -> None:
+    def full(*_: object, **__: object) -> object:
+        raise RuntimeError("Failed to allocate 1000 bytes on device 'cuda:0'")
+
+    monkeypatch.setattr("otwarp.vision.networks.evaluate.bounds", full)
+    with pytest.raises(InputError, match=r"^a pose of the Cramér–Rao bound does not fit .*allowed: poses 0"):
+        evaluate(trained, [smoke], baselines=False, device="cpu")
 
 
 def test_what_does_not_fit_is_refused(smoke: Path, trained: Path, tmp_path: Path) -> None:
