@@ -20,7 +20,9 @@ def from_scene(scene: Scene | str | Path, **changes: Any) -> Task:
     """The task that a scene's goal sets: bring its cell there, with the hands that its traps name.
 
     Observed are the ways from the cell to the goal and to each robot, velocities, and for each hand what its first trap
-    pulls by; success is the cell within the goal's tolerance; lost robots or a lost cell end an episode.
+    pulls by. An episode ends with `reached`, the cell within the goal's tolerance, which is success; with `lost`, a
+    robot out of its trap; and, of two robots, with `left_behind`, a cell far from their middle. Running into an
+    obstacle ends nothing.
 
     Args:
         scene: With an `OtGoalAPI`, and traps that name a hand; or its file.

@@ -21,7 +21,7 @@ MODES = ("rgb_array", "human")
 
 
 class Env(gymnasium.Env):
-    """One environment of a task: environment 0 of a `VectorEnv` of the same seed, bit for bit.
+    """One environment of a task: environment 0 of a `VectorEnv` of the same seed, bit for bit where that one says so.
 
     Args:
         task: The task.
@@ -59,7 +59,7 @@ class Env(gymnasium.Env):
             raise gymnasium.error.ClosedEnvironmentError(f"{self.task.name} was closed; make it anew to go on")
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Start an episode: the first one of a seed, or the next one.
+        """Start an episode: the first one of a seed, which counts modulo 2³², or the next one.
 
         Raises:
             InputError: A seed or an option that is none.

@@ -28,7 +28,8 @@ _OPTIONS = ("reset_mask",)
 class VectorEnv(GymnasiumVectorEnv):
     """N environments of a task, which are worlds of one simulation.
 
-    Environment i of seed s is environment 0 of seed s + i, bit for bit, whatever stands beside it.
+    Environment i of seed s is environment 0 of seed s + i, bit for bit, whatever stands beside it; but a GPU shares few
+    worlds of touching rigid bodies out to several threads each, which round otherwise than one.
 
     Args:
         task: The task.
@@ -97,8 +98,8 @@ class VectorEnv(GymnasiumVectorEnv):
         """Start environments anew.
 
         Args:
-            seed: Of environment 0, the next ones have the next whole numbers; or one for each, None for those that go
-                on with their next episode; None for all of them, at first with seeds of the system.
+            seed: Of environment 0, the next ones have the next whole numbers, all modulo 2³²; or one for each, None for
+                those that go on with their next episode; None for all of them, at first with seeds of the system.
             options: `reset_mask`, (N) bool, for some environments only.
 
         Raises:

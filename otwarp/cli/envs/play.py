@@ -26,7 +26,10 @@ PICTURES = 150
 def play(name: str, policy: str | None, movie: Path | None, option: tuple[str, ...], **options: Any) -> int:
     """Open the page of a live session on the scene of the environment NAME, or a scene with a goal, in your hands.
 
-    With --policy an episode is run by a policy instead, and said what came of it; --movie draws it.
+    The session steps the scene's file as it is: bodies touch, also where the task leaves that out (Navigate, Hold,
+    Orient), and all starts, goals and values are the file's, not those of an episode.
+
+    With --policy an episode of the task is run by a policy instead, and said what came of it; --movie draws it.
     """
     from otwarp.envs.registration import task_named
     from otwarp.envs.written_options import options_of

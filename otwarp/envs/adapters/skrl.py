@@ -1,4 +1,4 @@
-"""A `VectorEnv` as skrl has them: tensors (N, 1) of rewards and ends, on the memory of the environments."""
+"""A `VectorEnv` as skrl has them: tensors (N, 1) of rewards and ends, cloned on their device."""
 
 from __future__ import annotations
 
