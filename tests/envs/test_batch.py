@@ -15,6 +15,8 @@ from otwarp.envs.batch import WORLDS_EACH
 from otwarp.envs.registration import task_of
 from otwarp.envs.terms import kept_up
 from otwarp.errors import InputError
+from otwarp.scene import Track
+from otwarp.simulation.model import Model
 from tests.envs.bead_task import task as bead_task
 
 TASK = bead_task()
@@ -185,6 +187,23 @@ def test_powers_go_by_the_numbers_of_actions(device):
     batch.actions.assign(np.array([[0, 0, -1], [0, 0, 0.5], [0, 0, 9]], dtype=np.float32))
     batch.step()
     assert np.allclose(batch.sim.control.trap_power.numpy()[:, 0], [2.0, 5.0, 6.0])
+
+
+def test_a_period_is_cut_for_the_hardest_variant(device):
+    """As few time steps as the scene with its stiffest trap, at most power and as fast as hands may be, allows."""
+    power, stiffness = 60.0, (1.0, 3.0)
+    varied = {"trap_stiffness": studies.values(list(stiffness), unit="pN/µm per mW")}
+    task = dataclasses.replace(TASK, action="both", power=(2.0, power), randomise=varied)
+    batch = Batch(task, 2, device=device)
+    limits = []
+    for k in stiffness:
+        (trap,) = task.load().traps
+        law = dataclasses.replace(trap.radial, stiffness=k, power=1.0)
+        trap = dataclasses.replace(trap, radial=law, power=Track.constant(power), speed_limit=task.speed_limit)
+        limits.append(Model.build(dataclasses.replace(task.load(), traps=(trap,)), device=device).time_step)
+    assert limits[1] < 0.5 * limits[0]
+    assert batch.sim.time_step * batch.steps == pytest.approx(1.0 / task.rate, rel=1e-12)
+    assert batch.sim.time_step <= limits[1] * (1.0 + 1e-9) < 1.0 / (task.rate * (batch.steps - 1))
 
 
 @pytest.mark.parametrize(

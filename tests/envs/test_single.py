@@ -12,9 +12,11 @@ pytest.importorskip("gymnasium")
 import gymnasium
 from gymnasium.utils.env_checker import check_env
 from gymnasium.utils.env_match import check_environments_match
+from gymnasium.wrappers import OrderEnforcing
 
 from otwarp.envs import Env, VectorEnv, from_scene
-from otwarp.envs.registration import task_of
+from otwarp.envs.describe import described
+from otwarp.envs.registration import TASKS, task_of
 from otwarp.envs.rollout import policy_of, run_policy
 from otwarp.errors import InputError
 from otwarp.scene import Scene
@@ -32,6 +34,39 @@ def test_gymnasium_has_nothing_to_say(device):
     check_env(env, skip_render_check=True)
     check_environments_match(env, Env(task_of(NAVIGATE), device=device), 8, skip_rew=False, skip_render=True)
     env.close()
+
+
+def made(name, device):
+    """An environment by its name, within no wrappers but those that give it spaces of its own."""
+    env = gymnasium.make(name, device=device, disable_env_checker=True)
+    return env.env if isinstance(env, OrderEnforcing) else env
+
+
+# one of them has spaces of its own, which a wrapper gives it
+@pytest.mark.filterwarnings("ignore:.*is different from the unwrapped version:UserWarning")
+@pytest.mark.parametrize("name", [name for name in TASKS if name != NAVIGATE])
+def test_gymnasium_has_nothing_to_say_of_any_task_whose_rewards_are_told_apart(name, device):
+    """Each weighted reward stands in `info` by the name that the tables have; their sum is the reward."""
+    env = made(name, device)
+    check_env(env, skip_render_check=True)
+    paid = {f"reward/{row['name']}" for row in described(task_of(name))["rewards"]}
+    env.reset(seed=3)
+    env.action_space.seed(3)
+    for _ in range(3):
+        _, reward, over, _, info = env.step(env.action_space.sample())
+        assert set(info) == paid | {"outcome", "success"}
+        parts = [float(info[key]) for key in sorted(paid)]
+        # float32 sums of some few terms, in another order
+        assert reward == pytest.approx(sum(parts), abs=1e-6 * (1.0 + sum(map(abs, parts))))
+        if over:
+            break
+    env.close()
+
+
+def test_made_by_name_and_of_its_task_an_environment_is_the_same(device):
+    """With powers for actions, and a parameter that differs from episode to episode."""
+    name = "otwarp/Hold-v0"
+    check_environments_match(made(name, device), Env(task_of(name), device=device), 8, skip_render=True)
 
 
 def test_made_by_name_an_environment_is_one_of_many(device):
@@ -115,6 +150,45 @@ def test_tensors_are_on_the_memory_of_the_environments(device):
             assert np.array_equal(info["final_obs"].cpu().numpy()[over[1]], told["final_obs"][over[1]])
     refused(lambda: env.step(torch.zeros(3, 2, dtype=torch.int32, device=device)), "allowed: floating-point numbers")
     refused(lambda: env.step(torch.full((3, 2), torch.nan, device=device)), "an action is not finite")
+
+
+def test_tensors_that_are_refused_change_nothing(device):
+    torch = pytest.importorskip("torch")
+    env, untouched = (VectorEnv(SHORT, 2, device=device, arrays="torch") for _ in range(2))
+    env.reset(seed=1), untouched.reset(seed=1)
+    good = torch.full((2, 2), 0.5, device=device)
+    for bad, said in (
+        (torch.zeros(2, 2, device="meta"), f"actions are on meta; allowed: {device}, where the environments are"),
+        (torch.zeros(2, 3, device=device), "of shape (2, 3); allowed: floating-point numbers of shape (2, 2)"),
+        (torch.zeros(2, 2, dtype=torch.int64, device=device), "actions are torch.int64 of shape (2, 2)"),
+        (torch.full((2, 2), torch.inf, device=device), "an action is not finite"),
+    ):
+        refused(lambda bad=bad: env.step(bad), said)
+        for found, wanted in zip(env.step(good)[:4], untouched.step(good)[:4], strict=True):
+            assert torch.equal(found, wanted)
+
+
+def test_last_tensors_of_an_episode_are_seen_in_its_last_period_alone(device):
+    """The faster reach a goal nearby the sooner, the slow never; of those that go on `final_obs` shows nothing."""
+    torch = pytest.importorskip("torch")
+    shift = dataclasses.replace(TASK.shifts[0], half=(1.0, 0.5, 0.0))
+    near = {"goal": (-7.0, 0.0, 5.0), "goal_half": (0.0, 0.0, 0.0), "shifts": (shift,)}
+    n, task = 16, dataclasses.replace(TASK, time_limit=1.0, **near)
+    env = VectorEnv(task, n, device=device, arrays="torch", autoreset_mode="SameStep")
+    following = VectorEnv(task, n, device=device, autoreset_mode="NextStep")
+    env.reset(seed=1), following.reset(seed=1)
+    actions = np.column_stack([np.linspace(-0.2, 1.0, n), np.zeros(n)]).astype(np.float32)
+    first, periods = np.ones(n, dtype=bool), set()
+    for period in range(20):
+        _, _, terminated, truncated, info = env.step(torch.from_numpy(actions).to(device))
+        there, *_ = following.step(actions)
+        over, last = (terminated | truncated).cpu().numpy(), info["final_obs"].cpu().numpy()
+        assert np.array_equal(info["_final_obs"].cpu().numpy(), over) and not last[~over].any()
+        # after an end the modes are a period apart
+        assert last[over].any(axis=1).all() and np.array_equal(last[over & first], there[over & first])
+        first &= ~over
+        periods |= {period} if over.any() else set()
+    assert not first.any() and len(periods) > 2
 
 
 def test_a_scene_with_a_goal_is_an_environment_for_two_hands(device):

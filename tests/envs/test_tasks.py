@@ -7,6 +7,7 @@ import pytest
 
 pytest.importorskip("gymnasium", reason="pip install 'otwarp[envs]'")
 
+from otwarp.envs import check_vector
 from otwarp.envs.batch import Batch
 from otwarp.envs.experts.delivery import Carrier
 from otwarp.envs.experts.navigate import ShortestPath, StraightLine
@@ -14,7 +15,7 @@ from otwarp.envs.experts.operator import Operator, Shared
 from otwarp.envs.experts.policies import RandomPolicy
 from otwarp.envs.experts.servo import ConstantPower, TiltServo
 from otwarp.envs.experts.strides import Strider
-from otwarp.envs.registration import TASKS, task_of
+from otwarp.envs.registration import TASKS, make_vector, task_of
 from otwarp.envs.rollout import run_policy
 from otwarp.errors import InputError
 
@@ -99,6 +100,11 @@ def test_deliveries(device):
     assert play("otwarp/CellDeliveryOTGym-v0", device, Strider(6), 4).success.all()
     assert not play("otwarp/CellDeliveryOTGym-v0", device, Strider(9), 4).success.any()
     assert not play("otwarp/CellDeliveryOTGym-v0", device, Strider(None), 4).success.all()
+
+
+def test_a_shipped_task_is_what_the_interface_of_many_promises(device):
+    """Powers for actions, a stream that differs from episode to episode, robots lost within some periods."""
+    assert len(check_vector(lambda n, mode: make_vector("otwarp/Hold-v0", n, autoreset_mode=mode, device=device))) == 8
 
 
 def test_tasks_say_what_they_are():
