@@ -82,7 +82,11 @@ class Batch:
         self.verdict = self._verdict()
         self._judge, self._start_worlds = self.layout.kernels()
         self._load()
-        self._turn = self.sim.capture(self.steps, before=self._before, after=self._after)
+        # in the mode `same` no world stands still: what ends in a period starts anew in it
+        every = autoreset == "same"
+        self._turn = self.sim.capture(
+            self.steps, before=self._before, after=self._after, every_world=every, settle=False
+        )
 
     def _table(self, variants: Variants) -> Model:
         """The model that has a world for each variant; two where there is one, so that its rows are told apart."""
@@ -192,7 +196,8 @@ class Batch:
     def _after(self) -> None:
         """What comes after a period: its verdict, and in the mode `same` worlds that start anew."""
         same = self.autoreset == "same"
-        self._launch(self._judge, *self._views(), self._numbers, int(same), self.episode, self.verdict)
+        how = self._numbers, self.steps, int(same)
+        self._launch(self._judge, *self._views(), *how, self.episode, self.verdict)
         if same:
             self._begin(self.episode.over, self.episode.over_count, ended=True)
 

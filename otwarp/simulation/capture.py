@@ -16,13 +16,15 @@ class CapturedLoop:
 
     Attributes:
         steps: Time steps of one turn.
-        graph: The graph, for whoever launches it on a stream of his own (`wp.capture_launch(loop.graph, stream)`).
+        graph: The graph, for whoever launches it on a stream of his own (`wp.capture_launch(loop.graph, stream)`); of
+            all worlds, `episodes.list_all()` comes first where other steps have been taken since the capture.
 
     Args:
         control, episodes: Of what steps, whose kernels are loaded.
         steps: As above.
         turn: Launches one turn.
         count: Counts `n` steps as taken.
+        every_world: Whether the graph steps all worlds, and makes no list of its own.
     """
 
     def __init__(
@@ -32,10 +34,15 @@ class CapturedLoop:
         steps: int,
         turn: Callable[[], None],
         count: Callable[[int], None],
+        *,
+        every_world: bool = False,
     ):
         self.steps = steps
+        self._every_world = every_world
         self._control, self._episodes = control, episodes
         self._count, self._layout = count, control.layout
+        if every_world:
+            episodes.list_all()
         with wp.ScopedCapture(device=control.model.device) as capture:
             turn()
         assert capture.graph is not None
@@ -49,7 +56,11 @@ class CapturedLoop:
         """
         if self._control.layout != self._layout:
             raise InputError("an array of the control has grown since the capture; allowed: control.widen(…) before it")
+        if self._every_world:
+            self._episodes.list_all()
         for _ in range(turns):
             wp.capture_launch(self.graph)
+        if not self._every_world:
+            self._episodes.complete = False
         self._count(turns * self.steps)
         self._episodes.at_most = self._control.model.worlds

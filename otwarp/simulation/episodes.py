@@ -33,12 +33,13 @@ class Episodes(Bound):
             (see `Readout.fault`). Any other number may be written to end a world; `Simulation.reset` starts it again.
         step: (W) int64 steps since the world was started or reset; `Readout.escape_step` and `fault_step` count so too.
         number: (W) uint32 of the trial that each world runs.
-        living: (W) int32 worlds in motion as the last segment found them, in the first `count[0]` places.
-        count: (2) int32 how many these were, and how many of them it left in motion.
+        living: (W) int32 worlds in motion as the last segment found them, in the first `count[0]` places; or all.
+        count: (2) int32 how many these were, and how many of them `Simulation.step` has just left in motion.
         values: (1|W, P) parameters of the ends, one after the other; a vector takes three columns.
         model: What is simulated.
         ends: What ends a world.
         at_most: Bound of the worlds in motion, known to the host.
+        complete: Whether the list was last made by `list_all`, as the host knows.
         origin: How a reset world starts where nothing else is said.
         views: What the kernels see: model, state and readout.
         launches: What a segment launches.
@@ -56,6 +57,7 @@ class Episodes(Bound):
     origin: Starts
     views: tuple[Any, ...]
     launches: dict[str, RecordedLaunch]
+    complete: bool = False
 
     @classmethod
     def start(cls, model: Model, ends: tuple[End, ...], state: State, readout: Readout) -> Episodes:
@@ -113,11 +115,20 @@ class Episodes(Bound):
         A CPU knows how many there are. A GPU is not waited for, and threads beyond the list return at once.
         """
         device = self.model.device
+        self.complete = False
         self.count.zero_()
         self.launches["list"](self.model.worlds)
         if device.is_capturing:
             return self.model.worlds
         return int(self.count.numpy()[0]) if device.is_cpu else self.at_most
+
+    def list_all(self) -> None:
+        """List all worlds, in motion or not, unless they are listed already."""
+        if not self.complete:
+            worlds = self.model.worlds
+            self.living.assign(np.arange(worlds, dtype=np.int32))
+            self.count.assign(np.array([worlds, 0], dtype=np.int32))
+            self.complete = True
 
     def settle(self, steps: int, places: int) -> None:
         """After `steps` steps: turn the clocks of the worlds in `places` of the list, and end what is over."""

@@ -177,12 +177,13 @@ class Simulation:
         if self.options.ends is None:
             self.last_readout.check_faults(self.model)
 
-    def _segment(self, episodes: Episodes, steps: int) -> None:
-        """Launch `steps` steps of the worlds in motion, and what tells which of them have ended."""
-        places = episodes.list()
+    def _segment(self, episodes: Episodes, steps: int, *, every_world: bool = False, settle: bool = True) -> None:
+        """Launch `steps` steps of the worlds in motion, and what tells which of them have ended; see `capture`."""
+        places = self.model.worlds if every_world else episodes.list()
         if places:
             self._stepper.advance(0, steps, places)
-            episodes.settle(steps, places)
+            if settle:
+                episodes.settle(steps, places)
 
     def _count(self, steps: int, *, measured: bool = False) -> None:
         """Turn the clock by which the host counts; `measured`: the readout is that of its new time."""
@@ -202,13 +203,9 @@ class Simulation:
         return self._episodes
 
     def capture(
-        self,
-        steps: int,
-        *,
-        before: Callable[[], Any] | None = None,
-        after: Callable[[], Any] | None = None,
-        readout: bool = False,
-    ) -> CapturedLoop:
+        self, steps: int, *, before: Callable[[], Any] | None = None, after: Callable[[], Any] | None = None,
+        readout: bool = False, every_world: bool = False, settle: bool = True,
+    ) -> CapturedLoop:  # fmt: skip
         """Record `before`, `steps` steps, the readout if it is wanted, and `after` as one graph: nothing moves yet.
 
         Args:
@@ -218,9 +215,14 @@ class Simulation:
                 of these arrays, are written between the turns.
             after: Launches what reads `state`, `readout` and `episodes`, or resets worlds by flags on the device.
             readout: Whether trap forces and distances are measured before `after`.
+            every_world: All worlds are stepped, and no list is made: where `before` or `after` starts anew what has
+                ended. One that `done` is written of between the turns moves, too; its clock stands, its code stays.
+            settle: Turn clocks and look for ends; else `after` does, by `turn_clock` and `end_code` of
+                `otwarp.kernels.drivers.episodes` in a kernel of its own, of the worlds whose `done` is 0.
 
         Raises:
-            InputError: The simulation was made without `ends`, so that its clock is the host's.
+            InputError: The simulation was made without `ends`, so that its clock is the host's; or with some, for which
+                `settle` would have to look.
 
         Example:
             >>> sim = ot.Simulation(scene, worlds=4096, ends=[ot.timed_out(after=0.5)])
@@ -228,6 +230,8 @@ class Simulation:
             >>> turn(1000)
         """
         episodes, steps = self.episodes, whole("steps", steps, 1)
+        if episodes.ends and not settle:
+            raise InputError("settle is False; allowed: with ends=(), else True")
         episodes.load()
         load_kernels(self._step.kernels, self.model.device)
 
@@ -235,14 +239,14 @@ class Simulation:
             """What is captured: one call of the loop."""
             if before is not None:
                 before()
-            self._segment(episodes, steps)
+            self._segment(episodes, steps, every_world=every_world, settle=settle)
             if readout:
                 self.measure()
             if after is not None:
                 after()
 
         counted = functools.partial(self._count, measured=readout)
-        return CapturedLoop(self.control, episodes, steps, turn, counted)
+        return CapturedLoop(self.control, episodes, steps, turn, counted, every_world=every_world)
 
     def reset(
         self,

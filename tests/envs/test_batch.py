@@ -12,6 +12,7 @@ pytest.importorskip("gymnasium")
 from otwarp import studies
 from otwarp.envs import Batch, TaskNow, term
 from otwarp.envs.batch import WORLDS_EACH
+from otwarp.envs.kernels.judge import VerdictData
 from otwarp.envs.registration import task_of
 from otwarp.envs.terms import kept_up
 from otwarp.errors import InputError
@@ -96,6 +97,69 @@ def test_worlds_that_end_in_one_period_start_anew_as_each_by_itself(mode, ends, 
     for n in (0, 1, 2, len(numbers) - 1):
         alone = ends_of(mode, 1, ends, numbers[n : n + 1], device)
         assert all(np.array_equal(rows[n], one[0]) for rows, one in zip(many, alone, strict=True))
+
+
+def everything(batch: Batch) -> dict[str, np.ndarray]:
+    """What a period has led to, and where the next one begins."""
+    verdict = {name: getattr(batch.verdict, name) for name in VerdictData.vars}
+    episode = {name: getattr(batch.episode, name) for name in ("number", "period", "held", "energy", "focus", "goal")}
+    return {name: array.numpy().copy() for name, array in (verdict | episode | batch.sim.arrays()).items()}
+
+
+@pytest.mark.parametrize("how", ["fault", "written"])
+def test_where_worlds_start_anew_at_once_all_of_them_are_stepped(how, device):
+    """A world that faults within a period, or whose `done` is written before it, is in the next episode after it; from
+    then on it is as one that was reset by a mask, and all others are from the first as if nothing had been."""
+    n, ended = WORLDS_EACH + 3, 5
+    ending, masked = (Batch(TASK, n, device=device, autoreset="same") for _ in range(2))
+    others = np.arange(n) != ended
+    for batch in (ending, masked):
+        batch.restart(seeds=np.arange(n))
+        batch.actions.fill_(0.3)
+        batch.step()
+    if how == "fault":
+        place = ending.sim.state.position.numpy().copy()
+        place[ended], place[ended, 0, 1] = 9e8, 1.1e8
+        ending.sim.set_state(position=place)
+    else:
+        ending.sim.episodes.done.assign(np.where(others, 0, 7))
+    ending.step()
+    masked.step()
+    there, here = everything(masked), everything(ending)
+    assert all(np.array_equal(there[name][others], here[name][others]) for name in there if len(there[name]) == n)
+    fault = how == "fault"
+    assert here["terminated"][ended] == fault and here["outcome"][ended] == (-1 if fault else 0)
+    assert here["episodes.done"][ended] == here["period"][ended] == here["episodes.step"][ended] == 0
+    assert here["number"][ended] != there["number"][ended] and np.any(here["last_seen"][ended])
+    masked.restart(~others)
+    for _ in range(6):
+        ending.step()
+        masked.step()
+        assert ending.sim.episodes.count.numpy()[0] == n
+    there, here = everything(masked), everything(ending)
+    assert all(np.array_equal(there[name], here[name]) for name in there if name != "readout.fault_count")
+
+
+@pytest.mark.parametrize("mode", ["next", "off"])
+def test_worlds_on_hold_and_those_that_are_over_are_not_stepped(mode, device):
+    n, far = 6, 2
+    batch = Batch(dataclasses.replace(TASK, ends=(kept_up(duration=0.1),)), n, device=device, autoreset=mode)
+    batch.restart(seeds=np.arange(n))
+    batch.step()
+    batch.restart(np.arange(n) == far)
+    batch.step()
+    assert batch.done.tolist() == [world != far for world in range(n)]
+    step, place = batch.sim.episodes.step.numpy().copy(), batch.sim.state.position.numpy().copy()
+    batch.step()
+    assert batch.sim.episodes.count.numpy()[0] == 1
+    moved = np.any(batch.sim.state.position.numpy() != place, axis=(1, 2))
+    assert np.all(moved) if mode == "next" else moved.tolist() == [world == far for world in range(n)]
+    # who starts anew is put where it starts, and no further
+    start = batch.episode.start.numpy() if mode == "next" else place
+    held = np.arange(n) != far
+    assert np.array_equal(batch.sim.state.position.numpy()[held], start[held])
+    assert np.array_equal(batch.sim.episodes.step.numpy()[held], 0 * step[held] if mode == "next" else step[held])
+    assert batch.sim.episodes.step.numpy()[far] == step[far] + batch.steps
 
 
 def test_a_box_of_starts_may_lie_elsewhere(device):

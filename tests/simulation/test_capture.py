@@ -66,6 +66,54 @@ def test_a_captured_loop_is_the_loop(device):
     assert np.array_equal(loop.sim.state.position.numpy(), plain.sim.state.position.numpy())
 
 
+def test_all_worlds_are_stepped_without_a_list(device):
+    """The same bits as with one, if what has ended starts anew in each turn, and whoever else makes a list between."""
+    listed, whole = Loop(device), Loop(device)
+    loops = [(one, one.sim.capture(20, after=one.after, every_world=one is whole)) for one in (listed, whole)]
+    for turns in (3, 5):
+        for one, turn in loops:
+            turn(turns)
+            assert whole is not one or one.sim.episodes.count.numpy()[0] == WORLDS
+            # a list with a gap
+            done = one.sim.episodes.done.numpy().copy()
+            done[[2, 5]] = 7
+            one.sim.episodes.done.assign(done)
+            one.sim.step(10)
+            assert one.sim.episodes.count.numpy()[0] < WORLDS
+            one.sim.reset(one.sim.episodes.done)
+    for name, array in whole.sim.arrays().items():
+        assert np.array_equal(array.numpy(), listed.sim.arrays()[name].numpy()), name
+    assert np.any(whole.sim.episodes.number.numpy() >= 3 * WORLDS), "some must have escaped, or the test is void"
+
+
+def test_a_world_that_is_ended_between_turns_moves_where_all_do(device):
+    """Its clock stands and its code stays; a trial started anew is what it would have been."""
+    sim = ot.Simulation(lossy_scene(), worlds=WORLDS, seed=31, device=device, ends=())
+    turn = sim.capture(20, every_world=True)
+    turn()
+    before = sim.state.position.numpy()
+    before, done = before.copy(), np.where(np.arange(WORLDS) == 4, 7, 0)
+    sim.episodes.done.assign(done)
+    turn(2)
+    assert sim.episodes.done.numpy().tolist() == done.tolist()
+    assert sim.episodes.step.numpy().tolist() == np.where(done, 20, 60).tolist()
+    assert np.all(sim.state.position.numpy() != before)
+    sim.reset(sim.episodes.done)
+    turn(3)
+    plain = ot.Simulation(lossy_scene(), worlds=2 * WORLDS, seed=31, device=device)
+    plain.step(60)
+    assert np.array_equal(sim.state.position.numpy()[4], plain.state.position.numpy()[4 + WORLDS])
+
+
+def test_who_settles_is_said_when_it_is_captured(device):
+    sim = ot.Simulation(lossy_scene(), worlds=WORLDS, device=device, ends=())
+    sim.capture(20, settle=False)(3)
+    assert not np.any(sim.episodes.step.numpy()) and sim.state.step == 60
+    ending = ot.Simulation(lossy_scene(), worlds=WORLDS, device=device, ends=[ot.escaped])
+    with pytest.raises(ot.InputError, match=r"settle is False; allowed: with ends=\(\), else True"):
+        ending.capture(20, settle=False)
+
+
 def test_what_cannot_be_captured(device):
     with pytest.raises(ot.InputError, match="has no episodes"):
         ot.Simulation(lossy_scene(), device=device).capture(10)

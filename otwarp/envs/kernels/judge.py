@@ -15,7 +15,7 @@ from otwarp.kernels.core.features import CPU_FLAGS
 from otwarp.kernels.core.functions import compiled, function_from_text
 from otwarp.kernels.core.rounding import PRECISION
 from otwarp.kernels.core.types import ControlData, ModelData, ReadoutData, StateData, WorldsData
-from otwarp.kernels.drivers.episodes import WorldFunction, parameters_from
+from otwarp.kernels.drivers.episodes import WorldFunction, end_code, parameters_from, turn_clock
 from otwarp.kernels.drivers.lane_groups import from_start
 
 LIMIT = wp.constant(10.0)
@@ -220,22 +220,25 @@ def outcome_term(ended: wp.Function) -> wp.Function:
 
 
 def judge_world_term(terms: TaskTerms) -> wp.Function:
-    """`(control, state, readout, place, worlds, numbers, keep_last, episode, out, world)` after a period."""
+    """`(control, state, readout, place, worlds, numbers, steps, keep_last, episode, out, world)` after a period."""
     outcome_of, see, earn, find_gaps = outcome_term(terms.ended), terms.see, terms.earn, terms.find_gaps
     store_seen, store_earned = store_row_term(terms.observed), store_row_term(terms.rewarded)
     seen_row, earned_row = row_type(terms.observed), row_type(terms.rewarded)
 
     @wp.func
     def judge_world(control: ControlData, state: StateData, readout: ReadoutData, place: PlaceData,
-                    worlds: WorldsData, numbers: NumberData, keep_last: int, episode: EpisodeData, out: VerdictData,
-                    world: int):  # fmt: skip
-        """Judge the period of a world; one that has just been reset is only observed.
+                    worlds: WorldsData, numbers: NumberData, steps: int, keep_last: int, episode: EpisodeData,
+                    out: VerdictData, world: int):  # fmt: skip
+        """Judge the period of a world, of `steps` steps; one that has just been reset is only observed.
 
         What terms read is written before them, and what they have found after all of them: for the compiler, what is
         written could change what is still to be read.
         """
         held = episode.held[world]
         done = worlds.done[world]
+        if done == 0:
+            turn_clock(worlds, world, steps)
+            done = end_code(readout, world, 0)
         last = episode.period[world]
         period = last
         if held == 0:
@@ -320,11 +323,13 @@ def judge_kernels(
 
     @_kernel_of(JUDGE_BLOCKS)
     def judge(control: ControlData, state: StateData, readout: ReadoutData, place: PlaceData, worlds: WorldsData,
-              numbers: NumberData, keep_last: int, episode: EpisodeData, out: VerdictData, each: int):  # fmt: skip
-        """After a period: traps at rest where they have come to, rewards, ends and observations."""
+              numbers: NumberData, steps: int, keep_last: int, episode: EpisodeData, out: VerdictData,
+              each: int):  # fmt: skip
+        """After the steps of a period: clocks, traps at rest where they have come to, rewards, ends, observations."""
         first = wp.tid() * each
         for w in range(first, wp.min(first + each, worlds.done.shape[0])):
-            judge_world(control, state, readout, place, worlds, numbers, keep_last, episode, out, from_start(w))
+            world = from_start(w)
+            judge_world(control, state, readout, place, worlds, numbers, steps, keep_last, episode, out, world)
 
     @_kernel_of(START_BLOCKS)
     def start_worlds(start: StartData, model: ModelData, control: ControlData, state: StateData, readout: ReadoutData,

@@ -10,7 +10,7 @@ import warp as wp
 from otwarp.kernels.core.functions import compiled, function_from_text
 from otwarp.kernels.core.periodic import kept_in_cell
 from otwarp.kernels.core.rounding import PRECISION
-from otwarp.kernels.core.types import ModelData, ReadoutData, StateData, WorldNow, world_row
+from otwarp.kernels.core.types import ModelData, ReadoutData, StateData, WorldNow, WorldsData, world_row
 from otwarp.kernels.core.worlds import living_world
 
 FAULTY = wp.constant(-1)
@@ -88,6 +88,24 @@ def list_living(model: ModelData):
         model.worlds[0].living[place] = world
 
 
+@wp.func
+def turn_clock(worlds: WorldsData, world: int, steps: int) -> wp.int64:
+    """Add the steps that a world has taken to its clock, and return what it shows."""
+    step = worlds.step[world] + wp.int64(steps)
+    worlds.step[world] = step
+    return step
+
+
+@wp.func
+def end_code(readout: ReadoutData, world: int, found: int) -> int:
+    """Why a world has ended: a fault of a body before all else, then the end that was `found`, 0 for none."""
+    code = found
+    for b in range(readout.fault.shape[1]):
+        if readout.fault[world, b] != 0:
+            code = FAULTY
+    return code
+
+
 @functools.lru_cache(maxsize=64)
 def settle_kernel(predicates: tuple[WorldFunction, ...]) -> wp.Kernel:
     """Kernel over the places of the list: turn the clocks of the worlds in motion, and tell which have ended."""
@@ -101,13 +119,12 @@ def settle_kernel(predicates: tuple[WorldFunction, ...]) -> wp.Kernel:
         world = living_world(model, wp.tid())
         if world < 0:
             return
-        step = model.worlds[0].step[world] + wp.int64(steps)
-        model.worlds[0].step[world] = step
+        # a list of all worlds may hold some that have ended before
+        if model.worlds[0].done[world] != 0:
+            return
+        step = turn_clock(model.worlds[0], world, steps)
         time = wp.float32(wp.float64(step) * model.time_step)
-        code = end_of(WorldNow(world, step, time, state, readout), values)
-        for b in range(model.bodies):
-            if readout.fault[world, b] != 0:
-                code = FAULTY
+        code = end_code(readout, world, end_of(WorldNow(world, step, time, state, readout), values))
         model.worlds[0].done[world] = code
         if code == 0:
             wp.atomic_add(model.worlds[0].count, 1, 1)

@@ -4,7 +4,15 @@ import numpy as np
 import warp as wp
 
 import otwarp as ot
-from otwarp.kernels.drivers.episodes import WorldFunction, list_living, outcomes, parameters_from, settle_kernel
+from otwarp.kernels.core.types import ReadoutData
+from otwarp.kernels.drivers.episodes import (
+    WorldFunction,
+    end_code,
+    list_living,
+    outcomes,
+    parameters_from,
+    settle_kernel,
+)
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import bead_scene
 
@@ -29,6 +37,30 @@ def test_clocks_turn_for_the_worlds_on_the_list_alone(device):
     assert sim.episodes.step.numpy().tolist() == [9, 0, 9, 9, 0, 9]
     assert sim.episodes.done.numpy().tolist() == DONE
     assert sim.episodes.count.numpy().tolist() == [4, 4]
+
+
+def test_of_a_list_of_all_worlds_those_that_have_ended_are_left_alone(device):
+    sim = Simulation(bead_scene(), worlds=len(DONE), device=device, ends=())
+    sim.episodes.list_all()
+    sim.episodes.done.assign(DONE)
+    sim.episodes.settle(9, len(DONE))
+    assert sim.episodes.step.numpy().tolist() == [9, 0, 9, 9, 0, 9]
+    assert sim.episodes.done.numpy().tolist() == DONE
+    assert sim.episodes.count.numpy().tolist() == [6, 4]
+
+
+@wp.kernel
+def tell_ends(readout: ReadoutData, found: wp.array(dtype=int), code: wp.array(dtype=int)):
+    world = wp.tid()
+    code[world] = end_code(readout, world, found[world])
+
+
+def test_a_fault_of_any_body_comes_before_every_end(device):
+    readout = ReadoutData()
+    readout.fault = wp.array([[0, 0], [0, 0], [3, 0], [0, 1], [1, 1]], dtype=wp.int32, device=device)
+    found, code = wp.array([0, 2, 0, 2, 1], dtype=int, device=device), wp.zeros(5, dtype=int, device=device)
+    wp.launch(tell_ends, dim=5, inputs=[readout, found], outputs=[code], device=device)
+    assert code.numpy().tolist() == [0, 2, -1, -1, -1]
 
 
 def test_outcomes_are_told_to_the_step_of_an_escape_or_a_fault(device):
