@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 import threading
 import time
@@ -23,6 +24,8 @@ from tests.ros.ros2.setups import loopback
 LEVELS = np.arange(48, dtype=np.uint8).reshape(6, 8)
 """Row 0 the lowest."""
 PATIENCE = 20.0
+CODEC = 3.0
+"""Mean difference in levels of 255 after H.264, most of it at edges."""
 
 
 def soon(camera) -> CameraFrame:
@@ -137,6 +140,37 @@ def test_pages_arrays_and_sixteen_bits(tmp_path):
         camera.open()
         frame = camera.read(0.0)
         assert frame is not None and np.array_equal(frame.pieces[0].levels, LEVELS)
+
+
+# imageio-ffmpeg leaves its ends of the pipes to the collector
+@pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")
+def test_a_video_is_played_at_its_own_rate(tmp_path, monkeypatch):
+    """By imageio, where OpenCV is absent: frames within what H.264 loses, their times, and the end."""
+    pytest.importorskip("imageio", reason="reads the video")
+    pytest.importorskip("imageio_ffmpeg", reason="of the extra movie")
+    from otwarp.preview.video import save_video
+
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    frames = np.full((4, 48, 64), 40, dtype=np.uint8)
+    for n, frame in enumerate(frames):
+        frame[4:16, 12 * n : 12 * n + 12] = 200  # near the top of the picture
+    save_video(np.repeat(frames[..., None], 3, axis=3), tmp_path / "lab.mp4", 25.0)
+    camera = make_camera(f"files:{tmp_path / 'lab.mp4'}")
+    camera.open()
+    assert camera.info.size == (64, 48) and not camera.info.caution
+    for n, frame in enumerate(frames):
+        assert n == 0 or camera.read(10.0 + n / 25.0 - 1e-3) is None
+        found = camera.read(10.0 + n / 25.0 + 1e-3 * (n > 0))
+        assert found is not None and (found.number, found.time) == (n + 1, pytest.approx(10.0 + n / 25.0))
+        assert np.abs(found.pieces[0].levels[::-1].astype(float) - frame).mean() < CODEC
+    with pytest.raises(CameraLost, match="has ended after 4 images"):
+        camera.read(10.2)
+    (tmp_path / "lab.mp4").write_bytes(b"no video")
+    with pytest.raises(InputError, match=r"lab\.mp4: cannot be read") as error:
+        make_camera(f"files:{tmp_path / 'lab.mp4'}").open()
+    assert "\n" not in str(error.value)
+    del error
+    gc.collect()  # while the filter holds
 
 
 def test_ten_bits_in_sixteen(tmp_path):
