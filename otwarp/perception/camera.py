@@ -76,7 +76,7 @@ class CameraInfo:
         name: As the user named it.
         kind: Its row in `kinds.KINDS`.
         simulated: Whether a simulation stands for it.
-        met_hardware: Whether this binding was ever run on the hardware; False says that a double stood in.
+        stand_in: What this binding was tested with, where no camera has met it; "" where one has, or none is needed.
         stamped: Whether its times are those of the light; else of the arrival of a frame, less half an exposure.
         size: Pixels of its whole frames (width, height), where they are known before the first one.
     """
@@ -84,9 +84,21 @@ class CameraInfo:
     name: str
     kind: str
     simulated: bool = False
-    met_hardware: bool = True
+    stand_in: str = ""
     stamped: bool = True
     size: tuple[int, int] | None = None
+
+    @property
+    def met_hardware(self) -> bool:
+        """Whether nothing had to stand in for the hardware."""
+        return not self.stand_in
+
+    @property
+    def caution(self) -> str:
+        """One line for who uses a camera whose binding never met one, or ""."""
+        if self.met_hardware:
+            return ""
+        return f"camera {self.name}: this way was tested with {self.stand_in}; no camera has met it"
 
 
 class Camera(Protocol):

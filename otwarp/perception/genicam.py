@@ -50,7 +50,7 @@ class GenicamCamera:
         if not cti:
             raise InputError(f"--camera {name or where} names no producer; allowed: genicam:WHERE,cti=FILE.cti")
         self._where, self._cti, self._rate, self._exposure = where, cti, rate, exposure
-        self._info = CameraInfo(name=name or where, kind="genicam", met_hardware=False)
+        self._info = CameraInfo(name=name or where, kind="genicam", stand_in="a double of harvesters")
         self._harvester: Any = None
         self._acquirer: Any = None
         self._newest: CameraFrame | None = None

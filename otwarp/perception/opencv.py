@@ -29,7 +29,7 @@ class DeviceCamera:
 
     def __init__(self, where: str, *, name: str = "", rate: float | None = None, exposure: float | None = None):
         self._where, self._rate, self._exposure = where, rate, exposure
-        self._info = CameraInfo(name=name or where, kind="v4l2", met_hardware=False, stamped=False)
+        self._info = CameraInfo(name=name or where, kind="v4l2", stand_in="a double of OpenCV", stamped=False)
         self._opened: Any = None
         self._newest: CameraFrame | None = None
         self._number, self._over, self._ended = 0, False, ""

@@ -65,7 +65,7 @@ class TopicCamera:
     ):
         if not 0.0 <= wait <= LONGEST_WAIT:
             raise InputError(f"--camera {name!r}: wait is {wait:g}; allowed: 0 to {LONGEST_WAIT:g} s")
-        self._info = CameraInfo(name=name, kind=kind)
+        self._info = CameraInfo(name=name, kind=kind, stand_in="otwarp's own publishers")
         self._join, self._take, self._leave = join, None, None
         self._number, self._wait = 0, wait
 

@@ -15,6 +15,7 @@ import pytest
 from otwarp.cli.main import main
 from otwarp.errors import InputError, PlausibilityWarning
 from otwarp.perception.calibrated import calibrated
+from otwarp.perception.kinds import make_camera
 from otwarp.perception.plant import PlantOptions, plant_of, plant_scene
 from otwarp.perception.sources import network_of, piece_size
 from otwarp.scene import Scene
@@ -48,6 +49,33 @@ def test_what_is_refused(words, said, capfd):
     assert main(["teleop", SMALL, "--no-page", "--duration", "0.1", *words]) == 2
     error = capfd.readouterr().err
     assert said in error and error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("spec", "stand_in"),
+    [
+        ("v4l2:0", "a double of OpenCV"),
+        ("genicam:0,cti=vendor.cti", "a double of harvesters"),
+        ("ros1:/camera/image_raw", "otwarp's own publishers"),
+        ("ros2:/camera/image_raw", "otwarp's own publishers"),
+    ],
+)
+def test_a_camera_that_no_binding_has_met_says_so(spec, stand_in):
+    info = make_camera(spec).info
+    assert not info.met_hardware
+    assert info.caution == f"camera {spec}: this way was tested with {stand_in}; no camera has met it"
+
+
+def test_a_session_with_such_a_camera_says_it_first(capfd):
+    """Here it ends before the camera is opened, because there is no such network."""
+    words = ["--camera", "v4l2:0", "--calibration", "scene", "--perception", "absent"]
+    assert main(["teleop", SMALL, "--no-page", "--duration", "0.1", *words]) == 2
+    out, error = capfd.readouterr()
+    assert out == "camera v4l2:0: this way was tested with a double of OpenCV; no camera has met it\n"
+    assert "absent" in error
+    words[1] = "files:images"
+    assert main(["teleop", SMALL, "--no-page", "--duration", "0.1", *words]) == 2
+    assert "no camera has met it" not in capfd.readouterr().out
 
 
 def measured(value: float) -> Measured:

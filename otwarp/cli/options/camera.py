@@ -117,8 +117,9 @@ def open_perception(
     name = asked["camera"]
     simulated = is_simulated(name)
     check_camera(scene, name if simulated else None)
+    caution = ""
     if not simulated:
-        make_camera(name)  # refuses what cannot be
+        caution = make_camera(name).info.caution  # refuses what cannot be
         if asked["plant"] is not None:
             raise InputError(f"--plant is {asked['plant']}; allowed with the scene's own camera, --camera is {name}")
     device = asked["camera_device"] or session.device
@@ -134,6 +135,8 @@ def open_perception(
     )  # fmt: skip
     twin = calibrated(scene, asked["calibration"], simulated=simulated, camera=name)
     lab = _laboratory(scene, asked, device) if simulated else None
+    if caution:
+        say(caution)
     looker = ProcessLooker(
         twin, seeing, bodies=len(followed_bodies(twin, asked["follow"])), camera=name, lab=lab, say=say
     )
