@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
@@ -32,6 +33,8 @@ PUBLISHED = {
     "mujoco_warp, humanoid, 8,192 worlds on one large GPU": 4.0e6,
 }
 """Steps a second that others state, of other tasks on other machines."""
+ARRAYS = tuple(arrays for arrays in ("numpy", "torch") if importlib.util.find_spec(arrays))
+"""Kinds of arrays with which users call steps; torch where it is installed."""
 STILL = 0.05
 """Largest share of bare worlds that may stand still after a fault: then they cost less, and a ratio says nothing."""
 
@@ -153,15 +156,20 @@ def periods_in_turns(
     return {**{name: t / (row * turns) for name, t in taken.items()}, "still": still}
 
 
+def called(batch: Batch, arrays: Any) -> Callable[[], object]:
+    """A step as users call it, of as many environments: actions are checked, and arrays of a kind go in and out."""
+    env = VectorEnv(batch.task, batch.worlds, device=str(batch.device), arrays=arrays, autoreset_mode="SameStep")
+    env.reset(seed=0)
+    actions = batch.actions.numpy().copy() if arrays == "numpy" else wp.to_torch(batch.actions).clone()
+    return lambda: env.step(actions)
+
+
 def costs(name: str, device: wp.Device, worlds: int, rounds: int, seconds: float) -> dict[str, Any]:
-    """Time of an environment step of all worlds [s], over bare time steps, and with NumPy arrays in and out."""
+    """Time of an environment step of all worlds [s], over bare time steps, and as users call it with `ARRAYS`."""
     batch = Batch(task_of(name), worlds, device=device, autoreset="same")
     acting(batch)
     free, ending = bare_worlds(batch), bare_worlds(batch, ends=())
     bare = {"bare": (free, partial(go_on, free, batch.steps)), "ending": (ending, ending.capture(batch.steps))}
-    env = VectorEnv(task_of(name), worlds, device=str(device), autoreset_mode="SameStep")
-    env.reset(seed=0)
-    actions = batch.actions.numpy().copy()
     stepped = per_step(batch.step, device, seconds)
     # where bodies touch, what a period costs depends on where they are: then each begins where the environments do
     episode = round(batch.task.time_limit * batch.task.rate)
@@ -169,7 +177,7 @@ def costs(name: str, device: wp.Device, worlds: int, rounds: int, seconds: float
     periods_in_turns(batch, bare, row, 1)
     turns = max(1, round(seconds / (row * stepped())))
     found = [periods_in_turns(batch, bare, row, turns) for _ in range(rounds)]
-    numpy = interleaved({"numpy": (per_step(lambda: env.step(actions), device, seconds), stepped)}, rounds)["numpy"]
+    calls = {arrays: (per_step(called(batch, arrays), device, seconds), stepped) for arrays in ARRAYS}
 
     def over(kind: str) -> Quartiles:
         """Ratio to bare worlds of a kind, round by round."""
@@ -179,7 +187,7 @@ def costs(name: str, device: wp.Device, worlds: int, rounds: int, seconds: float
         "step": Quartiles.of([f["step"] for f in found]),
         "bare": over("bare"),
         "ending": over("ending"),
-        "numpy": numpy.ratio(),
+        **{arrays: pairs.ratio() for arrays, pairs in interleaved(calls, rounds).items()},
         "still": int(max(f["still"] for f in found)),
         "steps": batch.steps,
         "driver": batch.sim.model.features.driver,
@@ -200,8 +208,9 @@ def measure(device: str = "cpu", *, worlds: Sequence[int] = (), rounds: int = 5,
     for name, by_worlds in found.items():
         for w, c in by_worlds.items():
             rate = w / c["step"].median
+            ratios = [c[n].text(".3f") if n in c else "–" for n in ("bare", "ending", "numpy", "torch")]
             rows.append((f"`{name}`", f"{w:,}", str(c["steps"]), f"{rate:.3g}", f"{rate / task_of(name).rate:.3g}",
-                         c["bare"].text(".3f"), c["ending"].text(".3f"), c["numpy"].text(".3f")))  # fmt: skip
+                         *ratios))  # fmt: skip
         best = max(w / c["step"].median for w, c in by_worlds.items())
         beside += [(f"`{name}`", what, f"{published:.3g}", f"{best / published:.3g}")
                    for what, published in PUBLISHED.items()]  # fmt: skip
@@ -209,14 +218,16 @@ def measure(device: str = "cpu", *, worlds: Sequence[int] = (), rounds: int = 5,
         Table(
             title="Environment steps",
             head=("task", "environments", "time steps in each", "steps/s, all together", "times real time",
-                  "over bare time steps", "over those of worlds that may end", "with NumPy arrays, over without"),
+                  "over bare time steps", "over those of worlds that may end", "with NumPy arrays, over without",
+                  "with tensors of torch, over without"),
             rows=rows,
             note="An environment step has the time steps of a control period, actions, resets, observations, rewards "
             "and ends, as one graph; bare time steps are those alone, of as many worlds, whose traps glide as those of "
             "the environments do. Where bodies touch, bare worlds take each period from where the environments are at "
             "its start, one after the other; elsewhere, as many periods in a row as an episode has at most. Beads that "
-            "are alike share vectors of a CPU, unless their worlds may end (`ends=()`, as one graph). All of it on one "
-            "core of a CPU." + told_standing(found),
+            "are alike share vectors of a CPU, unless their worlds may end (`ends=()`, as one graph). With arrays: a "
+            "step of `VectorEnv`, which checks its actions, over the graph alone. All of it on one core of a CPU."
+            + told_standing(found),
         ),
         Table(
             title="The quickest of these beside what others state, of other tasks on other machines",
@@ -227,7 +238,7 @@ def measure(device: str = "cpu", *, worlds: Sequence[int] = (), rounds: int = 5,
     data = {
         name: {
             str(w): {
-                **{n: vars(c[n]) for n in ("step", "bare", "ending", "numpy")},
+                **{n: vars(c[n]) for n in ("step", "bare", "ending", *ARRAYS)},
                 "steps": c["steps"],
                 "still": c["still"],
                 "driver": c["driver"],
