@@ -30,7 +30,7 @@ def reader(arrays: str) -> Callable[[wp.array], Any]:
         import torch  # noqa: F401
     except ImportError:
         raise InputError("arrays is 'torch', which is not installed; allowed: pip install 'otwarp[vision]'") from None
-    return wp.to_torch
+    return _viewer()
 
 
 def _copier() -> Callable[[wp.array], np.ndarray]:
@@ -47,6 +47,20 @@ def _copier() -> Callable[[wp.array], np.ndarray]:
         return views[key].copy()
 
     return read
+
+
+def _viewer() -> Callable[[wp.array], Any]:
+    """What makes tensors on the memory of arrays; it keeps one of each, for making it costs more than another view."""
+    views: dict[tuple[Any, ...], Any] = {}
+
+    def view(array: Any) -> Any:
+        """A tensor of the caller's own, whose numbers are the array's."""
+        key = array.ptr, array.shape, array.dtype
+        if key not in views:
+            views[key] = wp.to_torch(array)
+        return views[key].detach()
+
+    return view
 
 
 def information(batch: Batch, read: Callable[[wp.array], Any]) -> dict[str, Any]:

@@ -186,7 +186,7 @@ class VectorEnv(GymnasiumVectorEnv):
         batch.step()
         out = batch.verdict
         terminated, truncated = read(out.terminated), read(out.truncated)
-        everyone = read(out.terminated) | True
+        everyone = terminated | True
         info = masked(information(batch, read), everyone)
         reward, seen, over = read(out.reward), self._observed(), terminated | truncated
         if self._restarts:
