@@ -2,6 +2,7 @@
 
 process    `ServoProcess`, as the parent holds it; to begin with, open this
 child      what runs in that process
+cycles     what the parent fetches of a recording
 link       what passes between them: states and orders in, forces and status out
 servo      the cycle itself, a function of clock, devices, chains and mailboxes
 hand       one side in it

@@ -142,7 +142,7 @@ class Start:
 
 @dataclass(frozen=True, slots=True)
 class Cycles:
-    """What came out of a ring, see `process.ServoProcess.drain`.
+    """What came out of a ring, see `cycles.CycleReader.drain`.
 
     Attributes:
         records: `ring.CYCLE`, one after another; `ring.cycles_of` reads them.

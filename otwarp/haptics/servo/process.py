@@ -13,18 +13,18 @@ import pickle
 import subprocess
 import sys
 import time
-from collections import deque
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any, BinaryIO, TypeVar
 
 from otwarp.errors import InputError
-from otwarp.haptics.core import CYCLE, SceneFrame, ServoFrame
+from otwarp.haptics.core import SceneFrame, ServoFrame
 from otwarp.haptics.core.config import checked_gains
 from otwarp.haptics.core.shared_memory import SECONDS, Mailbox, Ring
 from otwarp.haptics.devices import create_device, parse_devices
 from otwarp.haptics.servo.child import ServoOrder
+from otwarp.haptics.servo.cycles import CycleReader
 from otwarp.haptics.servo.guard import (
     LENGTH,
     SHARE,
@@ -44,7 +44,6 @@ from otwarp.haptics.servo.link import (
     OrdersLayout,
     SceneLayout,
     ServoStatus,
-    Start,
     StartLayout,
     StatusLayout,
 )
@@ -56,8 +55,6 @@ START_WITHIN = 60.0
 STOP_WITHIN = 5.0
 """Seconds in which it must have ended; then it is killed, and the guardian or the device itself has to do the rest."""
 POLL = 0.005
-KEPT = 16384
-"""States that wait for `drain` while a recording runs: more than a ring's 8 s of them."""
 
 T = TypeVar("T", bound=Mailbox[Any] | Ring)
 
@@ -114,22 +111,18 @@ class ServoProcess:
             self._boxes = [keep(Mailbox.create(HandLayout(traps))) for _ in specs]
             self._orders_box = keep(Mailbox.create(OrdersLayout(n)))
             self._status_box = keep(Mailbox.create(StatusLayout(n)))
-            self._rings = [keep(Ring.create(math.ceil(SECONDS * rate))) for _ in specs]
-            self._start_boxes = [keep(Mailbox.create(StartLayout(spheres, traps))) for _ in specs]
+            rings = [keep(Ring.create(math.ceil(SECONDS * rate))) for _ in specs]
+            starts = [keep(Mailbox.create(StartLayout(spheres, traps))) for _ in specs]
             self._addresses = [keep(Mailbox.create(AddressLayout())) for _ in specs]
             self._guard = Guard(specs) if needs_guardian(specs) else None
             self._close_boxes = made.pop_all().close
         self._orders = Orders(0, (0,) * n, (0,) * n, gains=((None, None),) * n)
-        self._starts: list[Start | None] = [None] * n
-        self._lost = [0] * n
-        self._recordings = 0
-        self._published: deque[SceneFrame] = deque(maxlen=KEPT)
-        self._keeping = False
+        self._cycles = CycleReader(rings, starts)
         self._rest: list[Cycles] = [Cycles()] * n
         self._status: ServoStatus | None = None
         self._hands: list[ServoFrame | None] = [None] * n
         names = {"scenes": self._scenes.name, "orders": self._orders_box.name, "status": self._status_box.name}
-        boxes = {"hands": self._boxes, "rings": self._rings, "starts": self._start_boxes, "addresses": self._addresses}
+        boxes = {"hands": self._boxes, "rings": rings, "starts": starts, "addresses": self._addresses}
         names |= {kind: [box.name for box in each] for kind, each in boxes.items()}
         if self._guard is not None:
             names["guard"] = self._guard.box.name
@@ -212,9 +205,7 @@ class ServoProcess:
         """
         if not self._over:
             self._scenes.write(scene)
-            if not self._keeping:
-                self._published.clear()
-            self._published.append(scene)
+            self._cycles.published(scene)
         self.heartbeat()
 
     def heartbeat(self) -> None:
@@ -249,15 +240,7 @@ class ServoProcess:
         """Begin a recording of all sides, at any time, or end it; `drain` has what it holds."""
         if self._over and not on:
             return
-        if on:
-            for i, ring in enumerate(self._rings):
-                ring.drain()
-                self._starts[i], self._lost[i] = None, ring.lost
-            while len(self._published) > 1:  # the servo may not have read the last one yet
-                self._published.popleft()
-            self._keeping = True
-        self._recordings += on
-        self._tell(replace(self._orders.next(), recording=self._recordings if on else 0))
+        self._tell(replace(self._orders.next(), recording=self._cycles.record(on)))
 
     def drain(self, hand: int) -> Cycles:
         """The cycles of one side since the last call, while a recording runs and after it; never blocks.
@@ -269,22 +252,7 @@ class ServoProcess:
             rest = self._rest[hand]
             self._rest[hand] = Cycles(b"", rest.lost, rest.start)
             return rest
-        new = self._start_boxes[hand].read()
-        if new is not None and new.recording == self._recordings:
-            self._starts[hand] = new
-        start, ring = self._starts[hand], self._rings[hand]
-        if start is None:
-            return Cycles()  # the records wait for it
-        scenes: tuple[SceneFrame, ...] = ()
-        if self._keeping:
-            scenes = tuple(self._published)
-            self._published.clear()
-            self._keeping = self._orders.recording > 0
-        records, skip = ring.drain(), 0
-        # what an earlier recording left comes first
-        while skip < len(records) and int.from_bytes(records[skip : skip + 8], "little") < start.tick:
-            skip += CYCLE.size
-        return Cycles(records[skip:], ring.lost - self._lost[hand], start, scenes)
+        return self._cycles.drain(hand)
 
     def hand(self, hand: int) -> ServoFrame | None:
         """What one side last published; None before the first, and the last of all after `stop`."""

@@ -8,6 +8,7 @@ time is not.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -18,13 +19,15 @@ from otwarp.haptics.chain.chain import make_chain
 from otwarp.haptics.core import SceneFrame, ServoFrame
 from otwarp.haptics.core.config import checked_gains
 from otwarp.haptics.core.realtime import VirtualClock
-from otwarp.haptics.core.shared_memory import Mailbox
+from otwarp.haptics.core.shared_memory import SECONDS, Mailbox, Ring
 from otwarp.haptics.devices import create_device, parse_devices
 from otwarp.haptics.force.compiled import CompiledLaw, models_of, tried
 from otwarp.haptics.force.law import Law
+from otwarp.haptics.servo.cycles import CycleReader
 from otwarp.haptics.servo.guard import ENDED, Residue
 from otwarp.haptics.servo.hand import Hand
 from otwarp.haptics.servo.link import (
+    Cycles,
     HandLayout,
     HandSetup,
     Orders,
@@ -32,6 +35,7 @@ from otwarp.haptics.servo.link import (
     SceneLayout,
     SceneReader,
     ServoStatus,
+    StartLayout,
     StatusLayout,
 )
 from otwarp.haptics.servo.process import ServoProcess
@@ -198,10 +202,14 @@ class VirtualServo:
         self._boxes = [Mailbox.create(HandLayout(traps)) for _ in plans]
         self._orders = Orders(0, (0,) * n, (0,) * n, gains=((None, None),) * n)
         specs = parse_devices([plan.device for plan in plans])
+        rings = [Ring.create(math.ceil(SECONDS * rate)) for _ in plans]
+        starts = [Mailbox.create(StartLayout(len(local.kinds), traps)) for _ in plans]
+        self._cycles = CycleReader(rings, starts)
         self._hands = [
-            Hand(create_device(spec), partial(make_chain, plan.config, local.laws, local.kinds), box)
-            for spec, plan, box in zip(specs, plans, self._boxes, strict=True)
-        ]
+            Hand(create_device(spec), partial(make_chain, plan.config, local.laws, local.kinds), box, ring=ring,
+                 starts=start)
+            for spec, plan, box, ring, start in zip(specs, plans, self._boxes, rings, starts, strict=True)
+        ]  # fmt: skip
         self._servo = Servo(
             clock, self._hands, SceneReader(self._scenes), self._orders_box, self._status_box, rate=rate
         )
@@ -238,6 +246,7 @@ class VirtualServo:
     def publish(self, scene: SceneFrame) -> None:
         """See `ServoLike`."""
         self._scenes.write(scene)
+        self._cycles.published(scene)
         self.heartbeat()
 
     def heartbeat(self) -> None:
@@ -259,6 +268,14 @@ class VirtualServo:
         new, was = checked_gains(motion_gain, force_gain), self._orders.gains
         pair = tuple(old if gain is None else gain for old, gain in zip(was[hand], new, strict=True))
         self._tell(replace(self._orders.next(), gains=(*was[:hand], pair, *was[hand + 1 :])))
+
+    def record(self, on: bool) -> None:
+        """Begin a recording of all sides, at any time, or end it; `drain` has what it holds."""
+        self._tell(replace(self._orders.next(), recording=self._cycles.record(on)))
+
+    def drain(self, hand: int) -> Cycles:
+        """The cycles of one side since the last call, while a recording runs and after it."""
+        return self._cycles.drain(hand)
 
     def hand(self, hand: int) -> ServoFrame | None:
         """See `ServoLike`."""
