@@ -82,8 +82,7 @@ def measure(
     nets = tuple(dict.fromkeys(how["net"] for how in runs.values())) if runs else NETS
     if speed:
         return speed_alone(device, rounds, nets)
-    tables: list[Table] = []
-    begun = time.perf_counter()
+    tables, begun = list[Table](), time.perf_counter()
 
     def keep(table: Table) -> None:
         tables.append(table)
@@ -113,7 +112,7 @@ def measure(
         keep(images_needed(place, work, best, runs[best], device, data))
         keep(ablation(place, work, runs, device, data))
         keep(training_speed(place, device, rounds, data, nets=nets))
-        there = {name: work / f"{name}_random_0" for name in runs} | of_128_pixels(place, work, device)
+        there = {n: work / f"{n}_random_0" for n in runs} | of_128_pixels(place, work, device)
         keep(run_times(work, there, device, data))
     return section(device, tables, data, "--full" if full else "", of_rounds(rounds),
                    f"--devices {' '.join(devices)}" if devices else "")  # fmt: skip

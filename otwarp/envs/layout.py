@@ -116,6 +116,7 @@ class Layout:
         shapes = tuple(sorted({o.shape for o in self.scene.obstacles})) or ("plane",)
 
         def aimed(terms: tuple[Term, ...]) -> tuple[WorldFunction, ...]:
+            """Their functions for these shapes, on the bodies and traps of the scene."""
             made = [for_shapes(t.function.function, shapes, self._gaps_known(t)) for t in terms]
             return tuple(
                 replace(t.function, function=f, whole=t.whole(self.scene)) for t, f in zip(terms, made, strict=True)

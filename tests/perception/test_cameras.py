@@ -1,10 +1,9 @@
-"""Cameras that are not simulated: files, and doubles of OpenCV's device, of harvesters' camera and of ROS topics."""
+"""Cameras that are not simulated: files, and doubles of the device of OpenCV and of the camera of harvesters."""
 
 from __future__ import annotations
 
 import gc
 import sys
-import threading
 import time
 from types import ModuleType, SimpleNamespace
 from typing import ClassVar
@@ -18,8 +17,6 @@ from otwarp.perception.camera import CameraFrame, CameraLost
 from otwarp.perception.files import FileCamera
 from otwarp.perception.genicam import CLOCK_OVER, GenicamCamera, bits_of
 from otwarp.perception.kinds import make_camera
-from tests.ros.ros1.setups import MasterDouble
-from tests.ros.ros2.setups import loopback
 
 LEVELS = np.arange(48, dtype=np.uint8).reshape(6, 8)
 """Row 0 the lowest."""
@@ -344,107 +341,3 @@ def test_a_genicam_clock_that_drifts_or_is_set_anew_is_followed():
     # set back by 100 s: believed again once the frames of the old clock are that old
     ticks = [(came, came - 100.0 + camera._offset(came, 100.0)) for came in (40.0, 41.0, 40.0 + 2.0 * CLOCK_OVER)]
     assert ticks[0][1] < -50.0 and ticks[2][1] == pytest.approx(ticks[2][0])
-
-
-def image_message(types, stamp: float):
-    """A `sensor_msgs/Image` of the levels, with a byte of padding behind each row."""
-    padded = np.zeros((6, 9), dtype=np.uint8)
-    padded[:, :8] = LEVELS[::-1]
-    head = types.Header(
-        stamp=types.Time(sec=int(stamp), nanosec=round(1e9 * (stamp % 1.0))), frame_id="", **types.extra
-    )
-    return types.Image(
-        header=head, height=6, width=8, encoding="mono8", is_bigendian=0, step=9, data=types.bytes(padded)
-    )  # fmt: skip
-
-
-def check_arrived(camera, publish) -> None:
-    """Publish until the camera has it, and look at what it made of the stamp of 0.2 s ago."""
-    end = time.perf_counter() + PATIENCE
-    while True:
-        told = time.time() - 0.2
-        publish(told)
-        time.sleep(0.02)
-        now = time.perf_counter()
-        frame = camera.read(now)
-        if frame is not None:
-            break
-        assert now < end
-    assert np.array_equal(frame.pieces[0].levels, LEVELS)
-    assert 0.2 <= now - frame.time < 0.2 + PATIENCE
-
-
-def test_a_topic_of_ros1():
-    pytest.importorskip("rosbags")
-    from otwarp.ros.ros1.messages import typestore
-    from otwarp.ros.ros1.node import Ros1Node
-
-    master = MasterDouble()
-    try:
-        known = typestore().types
-        types = SimpleNamespace(
-            Header=known["std_msgs/msg/Header"], Time=known["builtin_interfaces/msg/Time"],
-            Image=known["sensor_msgs/msg/Image"], extra={"seq": 0}, bytes=lambda a: a.ravel(),
-        )  # fmt: skip
-        with Ros1Node("driver", master.uri) as driver:
-            out = driver.publisher("/camera/image_raw", "sensor_msgs/Image")
-            camera = make_camera(f"ros1:/camera/image_raw,master={master.uri},wait=0")
-            camera.open()
-            try:
-                check_arrived(camera, lambda told: out.publish(image_message(types, told)))
-            finally:
-                camera.close()
-    finally:
-        master.stop()
-
-
-def test_a_topic_of_ros2(monkeypatch):
-    pytest.importorskip("cyclonedds")
-    from otwarp.ros.ros2 import Ros2Node, load_messages
-
-    domain, m = loopback(monkeypatch), load_messages()
-    types = SimpleNamespace(
-        Header=m.Header, Time=m.Time, Image=m.Image, extra={}, bytes=lambda a: a.ravel().tolist()
-    )  # fmt: skip
-    with Ros2Node("driver", domain) as driver:
-        out = driver.publisher("/camera/image_raw", "sensor_msgs/msg/Image")
-        camera = make_camera(f"ros2:/camera/image_raw,domain={domain},wait=0")
-        camera.open()
-        try:
-            check_arrived(camera, lambda told: out.publish(image_message(types, told)))
-        finally:
-            camera.close()
-
-
-def test_a_topic_waits_for_its_first_image(monkeypatch):
-    """Published once somebody listens; without one there is no camera."""
-    pytest.importorskip("cyclonedds")
-    from otwarp.ros.ros2 import Ros2Node, load_messages
-
-    domain, m = loopback(monkeypatch), load_messages()
-    types = SimpleNamespace(
-        Header=m.Header, Time=m.Time, Image=m.Image, extra={}, bytes=lambda a: a.ravel().tolist()
-    )  # fmt: skip
-    name = f"ros2:/camera/image_raw,domain={domain}"
-    with pytest.raises(InputError, match=r"no image came within 0\.05 s; allowed: a topic on which"):
-        make_camera(f"{name},wait=0.05").open()
-    with pytest.raises(InputError, match="wait is -1; allowed: 0 to 3600 s"):
-        make_camera(f"{name},wait=-1")
-    with Ros2Node("driver", domain) as driver:
-        out = driver.publisher("/camera/image_raw", "sensor_msgs/msg/Image")
-        opened = threading.Event()
-
-        def publish():
-            """Images, until one has come."""
-            while not opened.wait(0.01):
-                out.publish(image_message(types, time.time() - 0.2))
-
-        threading.Thread(target=publish, daemon=True).start()
-        camera = make_camera(f"{name},wait={PATIENCE}")
-        try:
-            camera.open()
-            opened.set()
-            check_arrived(camera, lambda told: out.publish(image_message(types, told)))
-        finally:
-            opened.set()
-            camera.close()
