@@ -74,6 +74,7 @@ THOROUGH = (
     "simulation/test_optics.py",
     "simulation/test_periodic.py",
     "simulation/test_walls.py",
+    "studies/rare/test_states.py",
     "studies/test_engines.py",
     "studies/test_rerun.py",
     "teleop/operators/test_local_scene.py",

@@ -199,6 +199,7 @@ def test_in_a_tabulated_trap():
     assert abs(rates.mean() * exact.value - 1.0) < 5.0 * error + 0.03 + exact.error / exact.value
 
 
+@pytest.mark.thorough
 def test_the_ratio_of_steps_tells_a_coarse_one(tmp_path, scene):
     """Of a well of 5 k_BT: 1 within 5 standard errors at 0.05 γ/k, and more than as many above it at 1 γ/k."""
     power = power_of(5.0)
@@ -213,6 +214,7 @@ def test_the_ratio_of_steps_tells_a_coarse_one(tmp_path, scene):
         assert abs(away) < 5.0 if good else away > 5.0, f"{step:g} γ/k: {ratio:.3f} ± {error:.3f}"
 
 
+@pytest.mark.thorough
 def test_a_robot_against_trajectories_that_wait_for_it(tmp_path):
     """A rigid body of two spheres, each in a well of 6 k_BT, until a trap has lost its own: the rate of 2,000 worlds
     that all run until then, within 5 standard errors of both."""
