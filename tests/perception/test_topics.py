@@ -30,6 +30,14 @@ def image_message(types, stamp: float):
     )  # fmt: skip
 
 
+def types_of_ros2() -> SimpleNamespace:
+    """What `image_message` makes messages of, in ROS 2."""
+    from otwarp.ros.ros2 import load_messages
+
+    m = load_messages()
+    return SimpleNamespace(Header=m.Header, Time=m.Time, Image=m.Image, extra={}, bytes=lambda a: a.ravel().tolist())
+
+
 def check_arrived(camera, publish) -> None:
     """Publish until the camera has it, and look at what it made of the stamp of 0.2 s ago."""
     end = time.perf_counter() + PATIENCE
@@ -72,12 +80,9 @@ def test_a_topic_of_ros1():
 
 def test_a_topic_of_ros2(monkeypatch):
     pytest.importorskip("cyclonedds")
-    from otwarp.ros.ros2 import Ros2Node, load_messages
+    from otwarp.ros.ros2 import Ros2Node
 
-    domain, m = loopback(monkeypatch), load_messages()
-    types = SimpleNamespace(
-        Header=m.Header, Time=m.Time, Image=m.Image, extra={}, bytes=lambda a: a.ravel().tolist()
-    )  # fmt: skip
+    domain, types = loopback(monkeypatch), types_of_ros2()
     with Ros2Node("driver", domain) as driver:
         out = driver.publisher("/camera/image_raw", "sensor_msgs/msg/Image")
         camera = make_camera(f"ros2:/camera/image_raw,domain={domain},wait=0")
@@ -91,12 +96,9 @@ def test_a_topic_of_ros2(monkeypatch):
 def test_a_topic_waits_for_its_first_image(monkeypatch):
     """Published once somebody listens; without one there is no camera."""
     pytest.importorskip("cyclonedds")
-    from otwarp.ros.ros2 import Ros2Node, load_messages
+    from otwarp.ros.ros2 import Ros2Node
 
-    domain, m = loopback(monkeypatch), load_messages()
-    types = SimpleNamespace(
-        Header=m.Header, Time=m.Time, Image=m.Image, extra={}, bytes=lambda a: a.ravel().tolist()
-    )  # fmt: skip
+    domain, types = loopback(monkeypatch), types_of_ros2()
     name = f"ros2:/camera/image_raw,domain={domain}"
     with pytest.raises(InputError, match=r"no image came within 0\.05 s; allowed: a topic on which"):
         make_camera(f"{name},wait=0.05").open()
