@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy import ndimage
@@ -130,23 +132,27 @@ class Templates:
             tilt: [rad], within the templates.
             yaw: [rad].
         """
-        rows, columns = np.indices(shape, dtype=float)
+        columns, rows = np.arange(float(shape[1])), np.arange(float(shape[0]))[:, None]
         right, up = (columns - shape[1] // 2) * self.pixel - x, (rows - shape[0] // 2) * self.pixel - y
         c, s = math.cos(yaw), math.sin(yaw)
         middle = self.sides // 2
         at = np.array([(-s * right + c * up) / self.pixel + middle, (c * right + s * up) / self.pixel + middle])
-        splines = self._blended(depth, tilt)
-        seen = [ndimage.map_coordinates(p, at, order=3, prefilter=False, mode="constant") for p in splines]
+        seen = [
+            np.zeros(shape) if p is None else
+            ndimage.map_coordinates(p, at, order=3, prefilter=False, mode="constant")
+            for p in self._blended(depth, tilt)
+        ]  # fmt: skip
         across, along = _slopes(seen[0], self.pixel)
         return seen[0], np.array([-across, -along, seen[1], seen[2], up * across - right * along])
 
-    def _blended(self, depth: float, tilt: float) -> list[np.ndarray]:
-        """Splines of a depth and tilt, and their derivatives by both."""
+    def _blended(self, depth: float, tilt: float) -> list[np.ndarray | None]:
+        """Splines of a depth and tilt, and their derivatives by both; None where there is one of these alone."""
         d, depths, slopes = _cubic(self.depth, depth)
         t, tilts, leans = _cubic(self.tilt, tilt)
-        part = self.splines[np.ix_(t, d)]
+        part = self.splines[t[0] : t[-1] + 1, d[0] : d[-1] + 1]
+        order = _order(part.shape)
         return [
-            np.einsum("i,j,ijab->ab", a, b, part, optimize=True)
+            np.einsum("i,j,ijab->ab", a, b, part, optimize=order) if a.any() and b.any() else None
             for a, b in ((tilts, depths), (tilts, slopes), (leans, depths))
         ]
 
@@ -185,35 +191,40 @@ def _steps(name: str, limits: tuple[float, float], spacing: float) -> np.ndarray
     return np.linspace(low, high, max(4, math.ceil((high - low) / spacing - 1e-9) + 1))  # cubic pieces need four
 
 
+@functools.cache
+def _order(shape: tuple[int, ...]) -> list[Any]:
+    """In which order weights of tilts, of depths, and splines are multiplied: to find it takes as long as to do it."""
+    weights = np.ones(shape[0]), np.ones(shape[1])
+    return np.einsum_path("i,j,ijab->ab", *weights, np.empty(shape, dtype=np.float32), optimize=True)[0]
+
+
+NODES = tuple(tuple(float(k) for k in range(4) if k != i) for i in range(4))
+"""Of four knots, those besides each."""
+
+
 def _cubic(knots: np.ndarray, at: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The four knots around a value, Lagrange's weights, and their derivatives."""
     if len(knots) == 1:
         return np.zeros(1, dtype=int), np.ones(1), np.zeros(1)
     step = knots[1] - knots[0]
-    place = (min(max(at, knots[0]), knots[-1]) - knots[0]) / step
+    place = float((min(max(at, knots[0]), knots[-1]) - knots[0]) / step)
     first = int(min(max(math.floor(place) - 1, 0), len(knots) - 4))
     u = place - first
-    nodes = np.arange(4.0)
     weights, slopes = np.ones(4), np.zeros(4)
-    for i in range(4):
-        others = nodes[nodes != i]
-        scale = float(np.prod(i - others))
-        weights[i] = float(np.prod(u - others)) / scale
-        slopes[i] = sum(float(np.prod(u - np.delete(others, k))) for k in range(3)) / scale
+    for i, (a, b, c) in enumerate(NODES):
+        scale = (i - a) * (i - b) * (i - c)
+        weights[i] = (u - a) * (u - b) * (u - c) / scale
+        slopes[i] = ((u - b) * (u - c) + (u - a) * (u - c) + (u - a) * (u - b)) / scale
     return first + np.arange(4), weights, slopes / step
 
 
 def _slopes(image: np.ndarray, pixel: float) -> tuple[np.ndarray, np.ndarray]:
     """Derivatives along rows (x) and columns (y), of fourth order within [1/µm]."""
     found = []
-    for axis in (1, 0):
-        near = np.gradient(image, axis=axis)
-        ahead, behind = np.roll(image, -2, axis), np.roll(image, 2, axis)
-        far = (ahead - behind) / 4.0
-        slope = (4.0 * near - far) / 3.0
-        edge = [slice(None)] * 2
-        for part in (slice(0, 2), slice(-2, None)):
-            edge[axis] = part
-            slope[tuple(edge)] = near[tuple(edge)]
+    for turned in (image, image.T):
+        near = np.gradient(turned, axis=1)
+        far = (turned[:, 4:] - turned[:, :-4]) / 4.0
+        slope = near.copy()
+        slope[:, 2:-2] = (4.0 * near[:, 2:-2] - far) / 3.0
         found.append(slope / pixel)
-    return found[0], found[1]
+    return found[0], found[1].T
