@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -24,6 +25,9 @@ STRAIGHT = 2e-3
 
 SHOWN_EVERY = 0.2
 """Seconds between two images that are kept for the page."""
+
+AGES = 5
+"""Frames of late whose pace says when a body that is not seen is lost; of simulated laboratories."""
 
 RATE_OVER = 2.0
 """Seconds over which the rate of frames is counted."""
@@ -68,6 +72,7 @@ class ClosedLoop:
         self._ended = ""
         self._times: list[float] = []
         self._number, self._newest = 0, -np.inf
+        self._ages: deque[float] = deque(maxlen=AGES)
         self.frames = self.skipped = self.disordered = self.parted = self.clashes = 0
         self._aligned = False
         self._overlaps: Overlaps | None = None
@@ -105,13 +110,13 @@ class ClosedLoop:
         self._looks = tuple(self._new_looks(now))
         for body in self.bodies:
             if self._ended:
-                body.why = self._ended
+                body.move(now, ended=self._ended)
                 continue
             for look in self._looks:
                 for one in look.bodies:
                     if one.body == body.index:
                         body.take(one.seen, one.why, now)
-            body.move(now)
+            body.move(now, oldest=max(self._ages, default=0.0))
             own = position[self._holds == body.index]
             if len(own):
                 body.carried = own.mean(axis=0) - self._first[self._holds == body.index].mean(axis=0)
@@ -179,11 +184,13 @@ class ClosedLoop:
     def summary(self) -> dict[str, Any]:
         """Figures of the session; `text` says them to a reader."""
         stages = self.latency.percentiles()
-        bodies = [{"name": b.name, "accepted": b.accepted, "refused": b.refused, "why": b.why} for b in self.bodies]
+        bodies = [{"name": b.name, "accepted": b.accepted, "refused": b.refused, "why": b.why,
+                   "lost": b.lost / max(b.turns, 1)} for b in self.bodies]  # fmt: skip
         counts = {name: getattr(self, name) for name in ("frames", "skipped", "disordered", "parted", "clashes")}
         text = [f"camera    {self._looker.info.name}: {self.frames} frames looked at, {self.skipped} skipped"]
         text += [
-            f"          {b.name}: {b.accepted} measurements taken, {b.refused} refused{f'; {b.why}' if b.why else ''}"
+            f"          {b.name}: {b.accepted} measurements taken, {b.refused} refused, lost "
+            f"{100.0 * b.lost / max(b.turns, 1):.0f} % of the time{f'; {b.why}' if b.why else ''}"
             for b in self.bodies
         ]
         if stages:
@@ -212,6 +219,9 @@ class ClosedLoop:
             self.frames += 1
             self.skipped += max(0, look.number - self._number - 1) if self._number else 0
             self.disordered += look.time < self._newest
+            # of the first, as if one had come before it at the same pace
+            before = self._newest if self._ages else 2.0 * look.time - now
+            self._ages.append(now - before)
             self._number, self._newest = look.number, max(self._newest, look.time)
             self._times.append(now)
         return looks

@@ -25,6 +25,9 @@ from otwarp.vision.view import solids_of
 AHEAD = 0.005
 """Seconds by which a stamp may be ahead of the session's clock."""
 
+PATIENCE = 2.0
+"""Of a simulated laboratory: see `LostRule`."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class LostRule:
@@ -36,6 +39,8 @@ class LostRule:
         lag: For how long measurements may be late [s].
         push: Of forces that the twin does not know, on bodies in traps.
         free: The same for bodies that no trap holds.
+        patience: Where images come slowly because a laboratory is simulated, `after` is so many times the age that
+            light has when the next comes, but never less than said, nor more than `lag`; 0: it is as said.
 
     Raises:
         InputError: A number out of range.
@@ -46,13 +51,22 @@ class LostRule:
     lag: float = 2.0
     push: PushLaw | None = field(default_factory=PushLaw)
     free: PushLaw | None = field(default_factory=lambda: PushLaw(force=0.1))
+    patience: float = 0.0
 
     def __post_init__(self) -> None:
-        limits = {"after": (0.005, 60.0), "uncertain": (1e-3, 1e3), "lag": (0.01, 60.0)}
+        limits = {"after": (0.005, 60.0), "uncertain": (1e-3, 1e3), "lag": (0.01, 60.0), "patience": (0.0, 10.0)}
         for name, (low, high) in limits.items():
             value = getattr(self, name)
             if not low <= value <= high:
                 raise InputError(f"{name} is {value:g}; allowed: {low:g} to {high:g}")
+
+    def within(self, oldest: float) -> float:
+        """Time without a measurement after which a body is lost [s].
+
+        Args:
+            oldest: Greatest age of late that light had when the next came [s].
+        """
+        return min(max(self.after, self.patience * oldest), self.lag) if self.patience else self.after
 
 
 class FollowedBody:
@@ -74,6 +88,7 @@ class FollowedBody:
         pose: As predicted last; None before the first measurement.
         why: Why it is lost, one line; "" while it is seen.
         accepted, refused: Measurements so far.
+        turns, lost: Turns of the loop so far, and those in which it was lost.
         carried: (3) how far its traps have gone since the start, where it is expected until it is seen [µm].
     """
 
@@ -103,7 +118,7 @@ class FollowedBody:
         self.tracker = Tracker(self._body, self.shape, self._commands, lag=self._rule.lag, push=push)
         self.pose: Pose | None = None
         self.why = "not seen yet"
-        self.accepted = self.refused = 0
+        self.accepted = self.refused = self.turns = self.lost = 0
         self.carried = np.zeros(3)
         self._last = -math.inf
         self._said = ""
@@ -152,11 +167,19 @@ class FollowedBody:
             self._said = f"measurements disagree with its motion (χ² = {update.nis:.3g} of {update.degrees})"
             self.refused += 1
 
-    def move(self, now: float) -> None:
-        """Where it is now, and whether that can be believed."""
-        self.why = self._judged(now)
+    def move(self, now: float, *, ended: str = "", oldest: float = 0.0) -> None:
+        """Where it is now, and whether that can be believed.
 
-    def _judged(self, now: float) -> str:
+        Args:
+            now: Time of the session's clock [s].
+            ended: Why its camera gives no more frames, if so.
+            oldest: See `LostRule.within`.
+        """
+        self.why = ended or self._judged(now, self._rule.within(oldest))
+        self.turns += 1
+        self.lost += bool(self.why)
+
+    def _judged(self, now: float, after: float) -> str:
         beliefs = self.tracker.hypotheses
         if not beliefs:
             return self._said or "not seen yet"
@@ -166,7 +189,7 @@ class FollowedBody:
             self.restart()
             return "the estimate is not finite"
         worst = math.sqrt(max(float(np.linalg.eigvalsh(variance)[-1]), 0.0))
-        if now - self._last > self._rule.after:
+        if now - self._last > after:
             return f"no measurement for {now - self._last:.2f} s{': ' + self._said if self._said else ''}"
         if worst > self._rule.uncertain:
             return f"uncertain by {worst:.2g} µm, allowed up to {self._rule.uncertain:g} µm"

@@ -154,6 +154,18 @@ def test_a_stamp_that_is_refused_is_no_latency(lab, monkeypatch):
     assert perception.bodies[0].refused == 1 and len(perception.latency) == perception.frames - 1
 
 
+def test_a_slow_laboratory_hides_nothing(lab):
+    """Three images a second, half a second old: light is up to 1/3 s + 0.5 s old when the next comes."""
+    one = lab(delay=0.5, rate=3.0, rule=LostRule(patience=2.0, uncertain=100.0))
+    one.run(180)
+    # before the first image, 1/3 s and its delay, nothing is known
+    lost = one.perception.summary()["bodies"][0]["lost"]
+    assert lost == pytest.approx((1.0 / 3.0 + 0.5) / (180 / 120), abs=0.03)
+    rule = LostRule(patience=2.0)
+    assert [rule.within(age) for age in (0.0, 0.1, 0.5, 5.0)] == [rule.after, rule.after, 1.0, rule.lag]
+    assert LostRule().within(5.0) == LostRule().after
+
+
 class Blinking:
     """Templates that say nan now and then."""
 

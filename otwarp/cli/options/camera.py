@@ -38,7 +38,8 @@ _CAMERA = (
     ),
     click.option(
         "--lost-after", type=Number(0.01, 60.0, unit="s"), metavar="SECONDS",
-        help="Time without a measurement after which nothing is felt of a body; default: 0.3.",
+        help="Time without a measurement after which nothing is felt of a body; default: 0.3, or as long "
+        "as a simulated laboratory takes for some images.",
     ),
     click.option(
         "--camera-device", metavar="NAME",
@@ -109,7 +110,7 @@ def open_perception(
     from otwarp.device import pick_device
     from otwarp.perception.assemble import SeeingOptions, check_camera, closed_loop, followed_bodies
     from otwarp.perception.calibrated import calibrated
-    from otwarp.perception.followed import LostRule
+    from otwarp.perception.followed import PATIENCE, LostRule
     from otwarp.perception.kinds import is_simulated, make_camera
     from otwarp.perception.photographer import LIVE
     from otwarp.perception.process import ProcessLooker
@@ -127,7 +128,10 @@ def open_perception(
         pick_device(device)
     except InputError as error:  # that of --device was looked at before
         raise InputError(f"--camera-{error}") from None
-    rule = LostRule() if asked["lost_after"] is None else LostRule(after=asked["lost_after"])
+    if asked["lost_after"] is None:
+        rule = LostRule(patience=PATIENCE if simulated else 0.0)
+    else:
+        rule = LostRule(after=asked["lost_after"])
     rendering = dataclasses.replace(LIVE, rings=asked["rings"])
     seeing = SeeingOptions(
         networks=asked["networks"] or ("templates",), follow=asked["follow"], rule=rule, rendering=rendering,
