@@ -16,6 +16,7 @@ from otwarp.studies.runner import Runner
 from otwarp.studies.stopping.rules import Stop
 from otwarp.studies.store import Variable
 from otwarp.studies.targets import Target
+from otwarp.studies.turns import Turns
 
 
 class AnyStudy(Protocol):
@@ -59,6 +60,11 @@ class AnyStudy(Protocol):
         ...
 
     @property
+    def overlapping(self) -> bool:
+        """Whether a batch may be set up on a GPU while another one takes its steps."""
+        ...
+
+    @property
     def points_of_a_block(self) -> int:
         """Points of the first block, which has as many as any."""
         ...
@@ -88,7 +94,13 @@ class AnyStudy(Protocol):
         ...
 
     def compute(
-        self, numbers: Sequence[int], *, device: str, threads: int | None = None, worlds: int | None = None
+        self,
+        numbers: Sequence[int],
+        *,
+        device: str,
+        threads: int | None = None,
+        worlds: int | None = None,
+        turns: Turns | None = None,
     ) -> list[dict[str, np.ndarray]]:
         """Compute the blocks of these numbers: of each its arrays by the names of the store."""
         ...

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -14,7 +15,9 @@ import warp as wp
 from otwarp.errors import InputError
 from otwarp.studies.any_study import AnyStudy
 from otwarp.studies.design import box_of
+from otwarp.studies.engines.memory import has_plenty
 from otwarp.studies.store import Store
+from otwarp.studies.turns import Turns
 
 Progress = Callable[[int, int], None]
 """(blocks done, blocks in all), called when one is."""
@@ -56,7 +59,7 @@ def blocks_of(study: AnyStudy, store: Store, shard: tuple[int, int] | None) -> l
 
 
 TOGETHER = 2**20
-"""Trials that a GPU computes together, at most."""
+"""Trials that a GPU has at once, at most."""
 FEWEST = 2**16
 """Of long trials as many as fill it."""
 WORLD_STEPS = 2**36
@@ -67,12 +70,12 @@ ROUND = 2**14
 """Trials of a round that a CPU computes together, at most."""
 
 
-def tasks(study: AnyStudy, todo: Sequence[int], *, gpu: bool, workers: int = 1) -> list[list[int]]:
-    """Blocks in groups that fill a device without leaving other workers idle.
+def tasks(study: AnyStudy, todo: Sequence[int], *, gpu: bool, workers: int = 1, at_once: int = 1) -> list[list[int]]:
+    """Blocks in groups that fill a device without leaving other workers idle, if need be some `at_once`.
 
     On a CPU each is one, but in rounds of spending a budget, where a block may have few new trials.
     """
-    most = min(TOGETHER, max(FEWEST, WORLD_STEPS // study.runner.steps)) if gpu else ROUND
+    most = min(TOGETHER // at_once, max(FEWEST, WORLD_STEPS // study.runner.steps)) if gpu else ROUND
     size = -(-len(todo) // max(workers, 1)) if gpu or study.round is not None else 1
     found: list[list[int]] = []
     full = 0
@@ -85,10 +88,17 @@ def tasks(study: AnyStudy, todo: Sequence[int], *, gpu: bool, workers: int = 1) 
     return found
 
 
-def batch_of(study: AnyStudy, *, gpu: bool) -> int:
-    """Trials of the largest task, at most."""
-    every = range(len(study.blocks()))
-    return max(len(task) for task in tasks(study, every, gpu=gpu)) * study.stop.at_most * study.points_of_a_block
+def tasks_at_once(study: AnyStudy, device: str) -> int:
+    """Tasks that a device has at once: on a GPU one may take its steps while the host sets up another, or reads it."""
+    return 2 if device.startswith("cuda") and study.overlapping and has_plenty(study, device, 2) else 1
+
+
+def trials_at_once(study: AnyStudy, device: str) -> int:
+    """Trials of the tasks that a device has at once, at most."""
+    at_once = tasks_at_once(study, device)
+    found = tasks(study, range(len(study.blocks())), gpu=device.startswith("cuda"), at_once=at_once)
+    blocks = min(at_once, len(found)) * max(len(task) for task in found)
+    return blocks * study.stop.at_most * study.points_of_a_block
 
 
 def _new_trials(study: AnyStudy, todo: Sequence[int]) -> list[int]:
@@ -139,15 +149,17 @@ def _joined(found: Sequence[Found], places: Sequence[tuple[slice, ...]], box: tu
 
 
 def on_this_host(devices: Sequence[str]) -> Engine:
-    """The engine of this process: every device computes blocks in a thread of its own."""
+    """The engine of this process: every device computes blocks in a thread of its own, a GPU perhaps in two."""
 
     def run(study: AnyStudy, store: Store, todo: Sequence[int], progress: Progress) -> None:
         """Compute blocks; a block is kept as soon as it is whole."""
-        waiting = iter(tasks(study, todo, gpu=devices[0].startswith("cuda"), workers=len(devices)))
+        at_once = tasks_at_once(study, devices[0])
+        waiting = tasks(study, todo, gpu=devices[0].startswith("cuda"), workers=len(devices), at_once=at_once)
         count = len(study.blocks())
         done = len(store.finished())
         alone = len(devices) == 1 and devices[0] == "cpu"  # interrupts are answered where they arrive
-        compute = _one_by_one(study, store, waiting) if alone else _side_by_side(study, store, waiting, devices)
+        lanes = [(device, Turns()) for device in devices] * at_once
+        compute = _one_by_one(study, store, waiting) if alone else side_by_side(study, store, waiting, lanes)
         for numbers in compute:
             done += len(numbers)
             progress(done, count)
@@ -155,33 +167,51 @@ def on_this_host(devices: Sequence[str]) -> Engine:
     return run
 
 
-def _one_by_one(study: AnyStudy, store: Store, waiting: Iterator[list[int]]) -> Iterator[list[int]]:
+def _one_by_one(study: AnyStudy, store: Store, waiting: Sequence[list[int]]) -> Iterator[list[int]]:
     for numbers in waiting:
         compute_and_keep(study, store, numbers, "cpu")
         yield numbers
 
 
-def _side_by_side(
-    study: AnyStudy, store: Store, waiting: Iterator[list[int]], devices: Sequence[str]
+Lane = tuple[str, Turns]
+"""Where a task is computed: a device, and with whom it shares that."""
+
+
+def side_by_side(
+    study: AnyStudy, store: Store, given: Sequence[list[int]], lanes: Sequence[Lane]
 ) -> Iterator[list[int]]:
-    """A thread per device computes, one more writes: disks do not keep devices waiting."""
-    free = list(devices)
-    computing: dict[Future[Any], tuple[str, list[int]]] = {}
+    """A thread per lane computes, one more writes: disks do not keep devices waiting.
+
+    Args:
+        study: What is computed.
+        store: Gets the blocks.
+        given: Tasks, each the numbers of its blocks.
+        lanes: Who computes them.
+
+    Yields:
+        The tasks whose blocks are kept.
+    """
+    waiting, free = iter(given), list(lanes)
+    computing: dict[Future[Any], tuple[Lane, list[int]]] = {}
     writing: dict[Future[Any], list[int]] = {}
-    # Warp makes a device the default one while it copies from there to the host
-    with wp.ScopedDevice(wp.get_device()), ThreadPoolExecutor(len(devices)) as pool, ThreadPoolExecutor(1) as writer:
+    with contextlib.ExitStack() as end:
+        # Warp makes a device the default one while it copies from there to the host
+        end.enter_context(wp.ScopedDevice(wp.get_device()))
+        pool, writer = (end.enter_context(ThreadPoolExecutor(n)) for n in (len(lanes), 1))
+        for _, turns in lanes:
+            end.callback(turns.end)  # before the threads are waited for
         while True:
             for numbers in itertools.islice(waiting, len(free)):
-                device = free.pop()
-                computing[pool.submit(study.compute, numbers, device=device)] = device, numbers
+                device, turns = lane = free.pop()
+                computing[pool.submit(study.compute, numbers, device=device, turns=turns)] = lane, numbers
             if not computing and not writing:
                 return
-            # what is computed waits for the writer in memory: not more than a task per device
-            pending = {*computing, *writing} if len(writing) <= len(devices) else {*writing}
+            # what is computed waits for the writer in memory: not more than a task per lane
+            pending = {*computing, *writing} if len(writing) <= len(lanes) else {*writing}
             for task in wait(pending, return_when=FIRST_COMPLETED).done:
                 if task in computing:
-                    device, numbers = computing.pop(task)
-                    free.append(device)
+                    lane, numbers = computing.pop(task)
+                    free.append(lane)
                     writing[writer.submit(keep, study, store, numbers, task.result())] = numbers
                 else:
                     task.result()
