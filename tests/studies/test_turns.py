@@ -18,6 +18,7 @@ from otwarp.studies.engines.run import prepare
 from otwarp.studies.observables import first_passage, trapped
 from otwarp.studies.rare.study import EscapeStudy
 from otwarp.studies.stopping.rules import half_width, trials
+from otwarp.studies.store import Store
 from otwarp.studies.study import Study
 from otwarp.studies.turns import Turns
 from tests.studies.scenes import bead_in_a_well
@@ -80,6 +81,19 @@ def test_an_error_ends_the_turns(scene, tmp_path):
     for kind in (study, EscapeStudy(scene, runs=2, branches=64, relax=0.1, halved=False, seed=3)):
         with pytest.raises(CancelledError):
             kind.compute([0], device="cpu", turns=turns)
+
+
+def test_a_folder_that_cannot_be_made(scene, tmp_path):
+    """Steps are taken while the folder is made: that it cannot be is one error, and no more is computed than a look."""
+    study, taken = study_of(scene), []
+    study.compute = lambda *a, **how: taken.append(Study.compute(study, *a, **how))  # type: ignore[method-assign]
+
+    def begin() -> None:
+        raise InputError("no room")
+
+    with pytest.raises(InputError, match="no room"):
+        on_this_host(["cpu", "cpu"], begin)(study, Store(tmp_path / "out"), range(6), lambda done, of: None)
+    assert len(taken) <= 2 and not (tmp_path / "out").exists()
 
 
 def test_who_shares_a_device(scene, monkeypatch):

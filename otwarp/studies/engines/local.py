@@ -148,8 +148,13 @@ def _joined(found: Sequence[Found], places: Sequence[tuple[slice, ...]], box: tu
     return out
 
 
-def on_this_host(devices: Sequence[str]) -> Engine:
-    """The engine of this process: every device computes blocks in a thread of its own, a GPU perhaps in two."""
+def on_this_host(devices: Sequence[str], begin: Callable[[], object] | None = None) -> Engine:
+    """The engine of this process: every device computes blocks in a thread of its own, a GPU perhaps in two.
+
+    Args:
+        devices: Which.
+        begin: Makes the store, before anything is kept; GPUs take their first steps meanwhile.
+    """
 
     def run(study: AnyStudy, store: Store, todo: Sequence[int], progress: Progress) -> None:
         """Compute blocks; a block is kept as soon as it is whole."""
@@ -159,7 +164,10 @@ def on_this_host(devices: Sequence[str]) -> Engine:
         done = len(store.finished())
         alone = len(devices) == 1 and devices[0] == "cpu"  # interrupts are answered where they arrive
         lanes = [(device, Turns()) for device in devices] * at_once
-        compute = _one_by_one(study, store, waiting) if alone else side_by_side(study, store, waiting, lanes)
+        if alone:
+            compute = _one_by_one(study, store, waiting, begin)
+        else:
+            compute = side_by_side(study, store, waiting, lanes, begin)
         for numbers in compute:
             done += len(numbers)
             progress(done, count)
@@ -167,7 +175,12 @@ def on_this_host(devices: Sequence[str]) -> Engine:
     return run
 
 
-def _one_by_one(study: AnyStudy, store: Store, waiting: Sequence[list[int]]) -> Iterator[list[int]]:
+def _one_by_one(
+    study: AnyStudy, store: Store, waiting: Sequence[list[int]], begin: Callable[[], object] | None
+) -> Iterator[list[int]]:
+    if begin is not None:
+        begin()
+        yield []
     for numbers in waiting:
         compute_and_keep(study, store, numbers, "cpu")
         yield numbers
@@ -178,7 +191,11 @@ Lane = tuple[str, Turns]
 
 
 def side_by_side(
-    study: AnyStudy, store: Store, given: Sequence[list[int]], lanes: Sequence[Lane]
+    study: AnyStudy,
+    store: Store,
+    given: Sequence[list[int]],
+    lanes: Sequence[Lane],
+    begin: Callable[[], object] | None = None,
 ) -> Iterator[list[int]]:
     """A thread per lane computes, one more writes: disks do not keep devices waiting.
 
@@ -187,25 +204,37 @@ def side_by_side(
         store: Gets the blocks.
         given: Tasks, each the numbers of its blocks.
         lanes: Who computes them.
+        begin: Called before anything is written, in a turn of those who are set up.
 
     Yields:
-        The tasks whose blocks are kept.
+        The tasks whose blocks are kept, and one of none when `begin` is over.
     """
-    waiting, free = iter(given), list(lanes)
+
+    waiting, free = iter(given), list(reversed(lanes))
     computing: dict[Future[Any], tuple[Lane, list[int]]] = {}
     writing: dict[Future[Any], list[int]] = {}
+
+    def begun(begin: Callable[[], object]) -> None:
+        """Not beside a set-up: both are work of Python's, which threads do in turn anyway."""
+        with lanes[0][1].setup():
+            begin()
+
     with contextlib.ExitStack() as end:
         # Warp makes a device the default one while it copies from there to the host
         end.enter_context(wp.ScopedDevice(wp.get_device()))
         pool, writer = (end.enter_context(ThreadPoolExecutor(n)) for n in (len(lanes), 1))
         for _, turns in lanes:
             end.callback(turns.end)  # before the threads are waited for
-        while True:
+
+        def give_out() -> None:
             for numbers in itertools.islice(waiting, len(free)):
                 device, turns = lane = free.pop()
                 computing[pool.submit(study.compute, numbers, device=device, turns=turns)] = lane, numbers
-            if not computing and not writing:
-                return
+
+        give_out()
+        if begin is not None:
+            writing[writer.submit(begun, begin)] = []
+        while computing or writing:
             # what is computed waits for the writer in memory: not more than a task per lane
             pending = {*computing, *writing} if len(writing) <= len(lanes) else {*writing}
             for task in wait(pending, return_when=FIRST_COMPLETED).done:
@@ -216,3 +245,4 @@ def side_by_side(
                 else:
                     task.result()
                     yield writing.pop(task)
+            give_out()
