@@ -98,7 +98,12 @@ def _item(one: Done) -> list[str]:
     found = one.result
     lines = [f"## {one.title}", ""]
     for figure in found.figures:
-        lines += [f"![{figure.caption}](images/{PREFIX}{figure.file})", "", f"*{figure.caption}*", ""]
+        lines += [
+            f"![{_words(figure.caption).replace('`', '')}](images/{PREFIX}{figure.file})",
+            "",
+            f"*{figure.caption}*",
+            "",
+        ]
     lines += ["| | paper | | otwarp | |", "|---|---|---|---|---|"]
     for row in found.comparisons:
         unit = f" [{row.unit}]" if row.unit else ""

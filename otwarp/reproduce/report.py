@@ -132,7 +132,7 @@ def section(one: Done) -> str:
     """An item that is done."""
     found = one.result
     figures = "".join(
-        f'<figure><img alt="{text(f.caption)}" src="{_embedded(one.folder / f.file)}">'
+        f'<figure><img alt="{plain(f.caption)}" src="{_embedded(one.folder / f.file)}">'
         f"<figcaption>{text(f.caption)}</figcaption></figure>"
         for f in found.figures
     )
@@ -199,7 +199,7 @@ def comparisons(rows: Sequence[Comparison]) -> str:
 
 def _cells(row: Comparison) -> tuple[str, ...]:
     unit = f' <span class="unit">{text(row.unit)}</span>' if row.unit else ""
-    badge = f' <b class="grade {row.grade}" title="{text(GRADES[row.grade])}">{row.grade}</b>' if row.grade else ""
+    badge = f' <b class="grade {row.grade}" title="{plain(GRADES[row.grade])}">{row.grade}</b>' if row.grade else ""
     return (
         f'<th scope="row">{text(row.what)}{unit}</th>',
         f'<td class="theirs">{text(row.paper.said())}{badge}</td>',
@@ -221,8 +221,13 @@ def table(one: Table) -> str:
 
 
 def text(words: str) -> str:
-    """Plain words as HTML; what stands between backticks is code."""
+    """Words as HTML; what stands between backticks is code."""
     return re.sub(r"`([^`]+)`", r"<code>\1</code>", html.escape(" ".join(words.split()), quote=True))
+
+
+def plain(words: str) -> str:
+    """Words for an attribute of HTML, which holds no elements: without backticks."""
+    return html.escape(" ".join(words.replace("`", "").split()), quote=True)
 
 
 def _embedded(file: Path) -> str:

@@ -15,7 +15,8 @@ from otwarp.reproduce.items import rendering
 from otwarp.reproduce.items.chain import DISTANCE, MESSAGES, settled_force
 from otwarp.reproduce.items.handle import BEAM, fits
 from otwarp.reproduce.items.strategy_a import closed_form, thermal
-from otwarp.reproduce.items.tilts import balance, held, length
+from otwarp.reproduce.items.strategy_b import against_moving
+from otwarp.reproduce.items.tilts import Tilts, balance, held, length
 from otwarp.reproduce.measures import agreement
 from otwarp.scene import Scene
 from tests.optics.pack_reference import cases
@@ -55,6 +56,15 @@ def test_our_chain_follows_a_fast_hand_and_the_release_does_not():
     assert ours.r_squared > 0.999
     assert theirs.r_squared < 0.6
     assert touch().chain.passivity is not None
+
+
+def test_moving_runs_are_set_against_the_balance_where_traps_are_as_far_apart():
+    """Runs that are 1° off to both sides err by 1°, whatever their sign and wherever the moments between lie."""
+    apart, spacing = np.linspace(10.0, 8.0, 201), np.array([8.0, 8.5, 9.5])
+    line = 10.0 * (10.0 - apart)
+    angle = np.stack([line + 1.0, -(line - 1.0)], axis=1)
+    (rmse, rmse_error), (mae, _) = against_moving(Tilts(apart, angle, np.abs(angle)), spacing, 10.0 * (spacing - 10.0))
+    assert (rmse, mae, rmse_error) == (pytest.approx(1.0), pytest.approx(1.0), pytest.approx(0.0, abs=1e-9))
 
 
 def test_the_crossing_time_is_that_of_the_law():

@@ -14,7 +14,7 @@ from otwarp.cli.main import main
 from otwarp.errors import InputError
 from otwarp.reproduce.item import Result, Value, shown
 from otwarp.reproduce.registry import ITEMS, chosen
-from otwarp.reproduce.report import by_machine, took
+from otwarp.reproduce.report import by_machine, plain, took
 from otwarp.reproduce.runner import done_in, reproduce
 
 CHEAP = ("setup", "contract")
@@ -185,6 +185,11 @@ def test_the_list_names_all_items(capsys: pytest.CaptureFixture[str]):
 )
 def test_values_are_printed_with_what_is_known_of_them(value: Value, text: str):
     assert value.said() == text
+
+
+def test_what_reads_a_picture_aloud_is_given_no_elements():
+    said = 'A run, as `otwarp run` draws it: "a" < b.'
+    assert plain(said) == "A run, as otwarp run draws it: &quot;a&quot; &lt; b."
 
 
 def test_powers_of_ten_are_raised():
