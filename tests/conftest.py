@@ -58,6 +58,7 @@ THOROUGH = (
     "operators/test_device.py",
     "operators/test_killed.py",
     "optics/test_table.py",
+    "perception/test_network.py",
     "perception/test_process.py",
     "recipes/",
     "scenes/test_physics.py",
