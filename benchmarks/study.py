@@ -230,6 +230,21 @@ def delivery(device: wp.Device, kind: str) -> dict[str, float]:
     }
 
 
+def same_bits(study: Study, places: Sequence[Sequence[str]]) -> list[bool]:
+    """Of each set of devices, whether it stores the results of the first one, bit for bit."""
+    found = []
+    with tempfile.TemporaryDirectory() as folder:
+        for n, devices in enumerate(places):
+            table = run_study(study, Path(folder) / str(n), devices=list(devices)).read()
+            found.append({name: np.asarray(array.values) for name, array in table.variables.items()})
+    return [_bits(one) == _bits(found[0]) for one in found]
+
+
+def _bits(arrays: dict[str, np.ndarray]) -> dict[str, tuple[str, tuple[int, ...], bytes]]:
+    """Arrays by their names, as what they are in memory."""
+    return {name: (a.dtype.str, a.shape, a.tobytes()) for name, a in arrays.items()}
+
+
 def over_devices(devices: Sequence[str], rounds: int) -> Quartiles:
     """How much faster a map is on these devices than on the first; stores written."""
 
@@ -298,11 +313,17 @@ def measure(
     asked = "--ray" if ray else ""
     if devices:
         asked = f"--devices {' '.join(devices)}"
-        faster = {len(some): over_devices(some, rounds) for some in first_of(devices)}
+        places = first_of(devices)
+        alike = same_bits(capture_map(*WIDE), [devices[:1], *places])[1:]
+        faster = {len(some): over_devices(some, rounds) for some in places}
         title = f"A map of {WIDE[0]} × {WIDE[0]} points × {WIDE[1]:,} trials on several devices, over one"
-        rows = [(str(n), found.text(".4g")) for n, found in faster.items()]
-        tables.append(Table(title=title, head=("devices", "times as fast"), rows=rows, note="One process."))
+        rows = [
+            (str(n), f.text(".4g"), "yes" if a else "**no**") for (n, f), a in zip(faster.items(), alike, strict=True)
+        ]
+        head = ("devices", "times as fast", "results those of one, bit for bit")
+        tables.append(Table(title=title, head=head, rows=rows, note="One process."))
         data["devices"] = {str(n): vars(found) for n, found in faster.items()}
+        data["same_bits"] = dict(zip(map(str, faster), alike, strict=True))
     return Section(name="study", kind=kind, machine=machine, tables=tables, data=data, asked=asked)
 
 
