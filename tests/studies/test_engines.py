@@ -21,7 +21,7 @@ import otwarp as ot
 from otwarp.cli.main import main
 from otwarp.errors import InputError
 from otwarp.studies.engines.local import on_this_host, tasks
-from otwarp.studies.engines.on_ray import ray_engine
+from otwarp.studies.engines.on_ray import ray_engine, wanted_by_a_task
 from otwarp.studies.engines.run import run_study
 from otwarp.studies.engines.sent import packed, unpacked
 from otwarp.studies.file import load_study
@@ -144,6 +144,32 @@ def test_tasks_of_gpus(folder):
     points = len(long.blocks())  # each is a block of its own
     assert long.runner.steps > 2**20 and points == 4_096
     assert {len(t) for t in tasks(long, range(points), gpu=True)} == {2**16 // 1_024}
+
+
+@pytest.mark.quick
+def test_a_task_of_ray_asks_for_a_gpu_where_there_are_some():
+    """One each, whatever the cluster has; a core alone where there is none, or where a CPU is wanted."""
+    gpu, core = {"num_gpus": 1, "num_cpus": 1}, {"num_cpus": 1}
+    assert wanted_by_a_task({"CPU": 16.0, "GPU": 8.0}, None) == wanted_by_a_task({"GPU": 1.0}, "cuda") == gpu
+    assert wanted_by_a_task({"CPU": 16.0}, None) == wanted_by_a_task({"CPU": 2.0, "GPU": 8.0}, "cpu") == core
+    with pytest.raises(InputError, match="it has no GPU"):
+        wanted_by_a_task({"CPU": 16.0, "GPU": 0.0}, "cuda")
+
+
+@needs_ray
+def test_ray_gives_each_task_a_gpu_of_its_own():
+    """A node that says that it has two, as Ray counts what nodes say: two tasks at once, each of which sees one."""
+    import ray
+
+    with cluster() as (made, _):
+        made.add_node(num_cpus=4, num_gpus=2)
+        ray.init(str(made.address), log_to_driver=False)
+        try:
+            asked = wanted_by_a_task(ray.cluster_resources(), None)
+            seen = ray.remote(**asked)(lambda: (time.sleep(1.0), os.environ["CUDA_VISIBLE_DEVICES"])[1])
+            assert sorted(ray.get([seen.remote() for _ in range(2)])) == ["0", "1"]
+        finally:
+            ray.shutdown()
 
 
 def test_nodes_that_are_lost_and_come(folder, whole, tmp_path):

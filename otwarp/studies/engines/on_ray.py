@@ -15,7 +15,7 @@ import socket
 import sys
 import threading
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -165,24 +165,38 @@ def _quiet() -> Iterator[None]:
         os.close(nowhere)
 
 
+def wanted_by_a_task(resources: Mapping[str, float], device: str | None) -> dict[str, int]:
+    """What a task asks Ray for: a GPU of its own where there are some, and a core.
+
+    Args:
+        resources: What the cluster has, by Ray's names.
+        device: `cpu`, `cuda`, or None for what there is.
+
+    Raises:
+        InputError: A GPU is wanted, and there is none.
+    """
+    gpus = resources.get("GPU", 0) >= 1
+    if device == "cuda" and not gpus:
+        raise InputError("--device is cuda; allowed in this cluster: cpu, it has no GPU")
+    return {"num_gpus": 1, "num_cpus": 1} if gpus and device != "cpu" else {"num_cpus": 1}
+
+
 def _give_out(
     ray: Any, study: AnyStudy, store: Store, todo: Sequence[int], progress: Progress, device: str | None
 ) -> None:
     """Give tasks out, more than there are workers for, so that those who join find some."""
-    gpus = int(ray.cluster_resources().get("GPU", 0))
-    gpu = device == "cuda" or (device is None and gpus > 0)
-    if gpu and not gpus:
-        raise InputError("--device is cuda; allowed in this cluster: cpu, it has no GPU")
-    resources = {"num_gpus": 1, "num_cpus": 1} if gpu else {"num_cpus": 1}
-    if not gpu and ray.cluster_resources().get("CPU", 0) < 1:
+    resources = ray.cluster_resources()
+    wanted = wanted_by_a_task(resources, device)
+    gpu = "num_gpus" in wanted
+    if not gpu and resources.get("CPU", 0) < 1:
         warnings.warn("the cluster has no free core yet: waiting for workers to join", stacklevel=2)
-    work = ray.remote(max_retries=RETRIES, **resources)(_work)
+    work = ray.remote(max_retries=RETRIES, **wanted)(_work)
     given = ray.put((versions(), packed(study, store.scene.absolute())))
     count, done = len(study.blocks()), len(store.finished())
     folder = str(store.folder.absolute())
     running = {
         work.remote([given], folder, numbers, "cuda:0" if gpu else "cpu"): len(numbers)
-        for numbers in tasks(study, todo, gpu=gpu, workers=gpus if gpu else int(ray.cluster_resources().get("CPU", 1)))
+        for numbers in tasks(study, todo, gpu=gpu, workers=int(resources.get("GPU" if gpu else "CPU", 1)))
     }
     try:
         while running:
