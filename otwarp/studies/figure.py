@@ -15,6 +15,7 @@ from otwarp.studies.axes import spoken
 from otwarp.studies.contours import equal_factors
 from otwarp.studies.rare.figure import draw_escapes
 from otwarp.studies.results import choices_of, table
+from otwarp.studies.stopping.intervals import errors_to_the_ends
 from otwarp.studies.store import Store
 from otwarp.studies.survival_figure import draw_survival
 
@@ -180,8 +181,9 @@ def _values(found: Any, shown: Shown) -> tuple[Any, Any, Any, str]:
     name = f"{shown.name}_rate" if shown.kind == "time" else shown.name
     if shown.kind != "number":
         return found[name], found[f"{name}_low"], found[f"{name}_high"], _label(found, name)
-    value, error = found[name], found[f"{name}_error"]
-    return value, value - 2.0 * error, value + 2.0 * error, _label(found, name)
+    value = found[name]
+    reach = errors_to_the_ends(found["trials"] - found["faults"]) * found[f"{name}_error"]
+    return value, value - reach, value + reach, _label(found, name)
 
 
 def _unseen(shown: Shown, value: np.ndarray, high: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from otwarp.analysis import (
     Detector,
@@ -16,6 +17,7 @@ from otwarp.analysis import (
     harmonic_tracks,
     track,
 )
+from otwarp.analysis.trajectory import rotation_vectors
 from otwarp.errors import InputError
 from tests.analysis.truth import DRAG, RELAXATION, TEMPERATURE, check_coverage, gaussian_tracks, process
 
@@ -64,6 +66,44 @@ def test_intervals_hold_the_truth(fit, edge):
     check_coverage(hits[:, :1])
     check_coverage(hits[:, 1:], allowance=MSD_ALLOWANCE if fit is fit_msd else 0.0)
     assert np.all(np.abs(np.median(ratios, axis=0) - 1.0) < 0.04)
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize(
+    ("interval", "samples", "detector"),
+    [(RELAXATION / 8, 4096, {"noise": 0.03}), (RELAXATION, 2048, {"noise": 0.03, "exposure": RELAXATION}),
+     (RELAXATION / 4, 4096, {"noise": 0.064})],
+)  # fmt: skip
+def test_intervals_of_a_noise_that_is_fitted(interval, samples, detector):
+    """Noise, stiffness and drag of 300 tracks whose detector says all but its noise: half the signal's, and all of it.
+
+    What is fitted must be seen above the bead's own motion: samples are four or more to a relaxation time, or blurred
+    over one, so that the end of the spectrum is mostly noise.
+    """
+    truth = {"noise": detector["noise"], "stiffness": 1.0, "drag": DRAG}
+    known = Detector(**{**detector, "noise": 0.0})
+    hits = []
+    for x in gaussian_tracks(process(interval, **detector), samples, 300, seed=12):
+        found = fit_spectrum(track(x, interval), temperature=TEMPERATURE, detector=known, fit_noise=True)
+        hits.append([float(found[f"{n}_low"][0]) <= t <= float(found[f"{n}_high"][0]) for n, t in truth.items()])
+    check_coverage(np.array(hits))
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("fit", FITS, ids=lambda f: f.__name__)
+def test_intervals_of_a_torsional_stiffness(fit):
+    """Orientations of 300 robots that turn by 3.7° about any axis, whose mean orientation is not known: 1 pN·µm/rad.
+
+    The order of turns about different axes matters by a part in 250, the variance.
+    """
+    turns = gaussian_tracks(process(RELAXATION / 4), 1024, 900, seed=13).reshape(300, 3, 1024).transpose(0, 2, 1)
+    means = Rotation.from_quat(np.random.Generator(np.random.Philox(14)).standard_normal((300, 4)))
+    hits = []
+    for turn, mean in zip(turns, means, strict=True):
+        seen = rotation_vectors((Rotation.from_rotvec(turn) * mean).as_quat())
+        found = fit(track(seen[None], RELAXATION / 4), temperature=TEMPERATURE)
+        hits.append((found["stiffness_low"] <= 1.0).values & (found["stiffness_high"] >= 1.0).values)
+    check_coverage(np.array(hits))
 
 
 @pytest.mark.validate

@@ -40,7 +40,7 @@ def escape_table(store: Store) -> Any:
         )
         rate, error = mean_of_runs(raw["rate_of_trial"].values, good)
         low, high = interval_of_mean(raw["rate_of_trial"].values, good, level)
-        bound = _bound(raw, good, asked["escape"]["branches"], level)
+        bound = bound_of_unseen(raw, good, asked["escape"]["branches"], level)
         high = np.where(rate > 0.0, high, bound)
         per = {"units": "1/s", "level": level}
         for name, values in (("", rate), ("_low", low), ("_high", high), ("_error", error)):
@@ -118,8 +118,15 @@ def interval_of_mean(values: np.ndarray, good: np.ndarray, level: float) -> tupl
     return np.where(mean > 0.0, mean / factor, 0.0), np.where(mean > 0.0, mean * factor, np.nan)
 
 
-def _bound(raw: Any, good: np.ndarray, branches: int, level: float) -> np.ndarray:
-    """Upper bound of the rate where no run has seen an escape: all paths of the last stages failed by chance."""
+def bound_of_unseen(raw: Any, good: np.ndarray, branches: int, level: float) -> np.ndarray:
+    """Upper bounds of rates where no run has seen an escape: all paths of the last stages failed by chance.
+
+    Args:
+        raw: Has `probability_of_trial` (…, R, interface), NaN behind the stage that a run ended in, `flux_of_trial`.
+        good: (…, R) which runs count.
+        branches: Paths of a stage.
+        level: Share of the studies in which the bound is above the rate, at least.
+    """
     p = raw["probability_of_trial"].values
     alive = np.prod(np.where(np.isfinite(p) & (p > 0.0), p, 1.0), axis=-1)
     mean, _ = mean_of_runs(raw["flux_of_trial"].values * alive, good)

@@ -90,6 +90,23 @@ def rate_interval(events: ArrayLike, exposure: ArrayLike, *, level: float = 0.95
     return np.where(t > 0.0, low, 0.0), np.where(t > 0.0, high, np.inf)
 
 
+def errors_to_the_ends(trials: ArrayLike, *, level: float = 0.95) -> np.ndarray:
+    """Standard errors from the mean of so many trials to the ends of its interval: Student's, exact for normal numbers.
+
+    Args:
+        trials: Counts; of fewer than two nothing is known: inf.
+        level: Probability with which an interval holds the truth.
+
+    Raises:
+        InputError: A level that is none.
+    """
+    from scipy.special import stdtrit
+
+    check_level(level)
+    n = np.asarray(trials, dtype=float)
+    return np.where(n > 1.0, stdtrit(np.maximum(n - 1.0, 1.0), 0.5 + 0.5 * level), np.inf)
+
+
 def _sequence(k: np.ndarray, n: np.ndarray, level: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """All p whose likelihood is at least α times that of the beta(1/2, 1/2) mixture, found by bisection."""
     from scipy.special import betaln, xlog1py, xlogy
