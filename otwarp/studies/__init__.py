@@ -8,7 +8,6 @@
 | `observables`, `outcomes` | what is asked of a trial: ends, times, numbers; why and where it ended |
 | `named`, `functions` | observables as files name them, those of a user's own file; functions of users |
 | `runner`, `rerun` | trials on a device, a world each; one of them run again, with frames |
-| `turns` | batches that share a GPU: one takes its steps while the next is set up |
 | `stopping` | how many trials a point gets, and the intervals that decide it |
 | `plan`, `compute`, `asked` | what a study will take; blocks of it computed; what its store says of it |
 | `store`, `differences`, `results` | a study on disk; how another differs from it; its results as a labelled table |

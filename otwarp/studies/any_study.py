@@ -16,7 +16,6 @@ from otwarp.studies.runner import Runner
 from otwarp.studies.stopping.rules import Stop
 from otwarp.studies.store import Variable
 from otwarp.studies.targets import Target
-from otwarp.studies.turns import Turns
 
 
 class AnyStudy(Protocol):
@@ -60,11 +59,6 @@ class AnyStudy(Protocol):
         ...
 
     @property
-    def overlapping(self) -> bool:
-        """Whether a batch may be set up on a GPU while another one takes its steps."""
-        ...
-
-    @property
     def points_of_a_block(self) -> int:
         """Points of the first block, which has as many as any."""
         ...
@@ -94,13 +88,7 @@ class AnyStudy(Protocol):
         ...
 
     def compute(
-        self,
-        numbers: Sequence[int],
-        *,
-        device: str,
-        threads: int | None = None,
-        worlds: int | None = None,
-        turns: Turns | None = None,
+        self, numbers: Sequence[int], *, device: str, threads: int | None = None, worlds: int | None = None
     ) -> list[dict[str, np.ndarray]]:
         """Compute the blocks of these numbers: of each its arrays by the names of the store."""
         ...

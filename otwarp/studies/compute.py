@@ -13,27 +13,20 @@ from otwarp.studies.any_study import AnyStudy
 from otwarp.studies.engines.memory import worlds_at_once
 from otwarp.studies.observables import Observable, same_end
 from otwarp.studies.runner import Outcomes
-from otwarp.studies.turns import Turns
 
 BESIDE = 4_096
 """Points that say what is chosen for all worlds of a group alike, at most; beyond, some of them and the extremes."""
 
 
 def compute_blocks(
-    study: AnyStudy,
-    numbers: Sequence[int],
-    *,
-    device: str,
-    threads: int | None,
-    worlds: int | None,
-    turns: Turns | None,
+    study: AnyStudy, numbers: Sequence[int], *, device: str, threads: int | None, worlds: int | None
 ) -> list[dict[str, np.ndarray]]:
     """Of each block its arrays by the names of the store; see `Study.compute`."""
     all_points = np.arange(study.design.points).reshape(study.design.shape)
     where = study.blocks()
     own = [all_points[where[n]] for n in numbers]
     points = np.concatenate([p.ravel() for p in own])
-    trials = _Trials(study, points, _Place(device, threads, worlds or worlds_at_once(study, device), turns))
+    trials = _Trials(study, points, _Place(device, threads, worlds or worlds_at_once(study, device)))
     if study.round is not None:
         before, after = (part[points] for part in study.round)
         trials.take(before, after)
@@ -54,12 +47,11 @@ def compute_blocks(
 
 @dataclass(frozen=True)
 class _Place:
-    """Where trials run: a device, its threads on a CPU, how many at once, and with whom they take turns."""
+    """Where trials run: a device, its threads on a CPU, and how many at once."""
 
     device: str
     threads: int | None
     worlds: int
-    turns: Turns | None
 
 
 class _Trials:
@@ -155,7 +147,7 @@ def _run_alike(study: AnyStudy, scene: Scene, runs: _Runs, steps: int, place: _P
     at, beside = (
         {t: v for t, v in design.at(some).items() if not t.grouped} for some in (points, spread(study, int(points[0])))
     )
-    how = {"which": which, "beside": beside, "device": place.device, "threads": place.threads, "turns": place.turns}
+    how = {"which": which, "beside": beside, "device": place.device, "threads": place.threads}
     return study.runner.in_steps(steps).run(scene, at, trials, **how)
 
 

@@ -26,7 +26,6 @@ from otwarp.studies.design import turned
 from otwarp.studies.observables import Observable
 from otwarp.studies.quantity import ratio
 from otwarp.studies.targets import Target
-from otwarp.studies.turns import Turns
 
 MANY = 2**15
 """Worlds from which on a GPU steps each in one thread."""
@@ -129,7 +128,6 @@ class Runner:
         beside: dict[Target, np.ndarray] | None = None,
         device: str,
         threads: int | None = None,
-        turns: Turns | None = None,
     ) -> Outcomes:
         """Run trials, each in a world of its own.
 
@@ -142,20 +140,15 @@ class Runner:
                 sphere a trap holds and how contacts are solved, is chosen for all of them; None: for these alone.
             device: Where.
             threads: On a CPU; None for as many as there are cores.
-            turns: With other batches on the device; None: there are none.
         """
-        turns = turns or Turns()
-        with turns.setup():
-            sim = self.simulation(scene, values, trials, which=which, beside=beside, device=device, threads=threads)
-            observer = _Observer(sim, self.numbers) if self.numbers else None
-        with turns.steps():
-            for n, count in enumerate(self.segments(), start=1):
-                turns.check()
-                sim.step(count, look=n % UNSEEN == 0)
-                if observer is not None:
-                    observer.look(count)
-                if not sim.episodes.at_most:  # as nothing but ends stops worlds here; `running` brings one of each
-                    break
+        sim = self.simulation(scene, values, trials, which=which, beside=beside, device=device, threads=threads)
+        observer = _Observer(sim, self.numbers) if self.numbers else None
+        for n, count in enumerate(self.segments(), start=1):
+            sim.step(count, look=n % UNSEEN == 0)
+            if observer is not None:
+                observer.look(count)
+            if not sim.episodes.at_most:  # as nothing but ends stops worlds here; `running` brings a number of each
+                break
         return self._outcomes(sim, observer)
 
     def simulation(

@@ -296,7 +296,8 @@ def create(
     if (folder / "study.json").exists():
         check_same(store, asked)
         return store
-    check_new(folder)
+    check_place(folder, "--out", folder=True)
+    _check_empty(folder)
     with made_apart(folder, "study.json") as apart:
         (apart / "done").mkdir()
         scene(apart / store.scene.name)
@@ -310,13 +311,8 @@ def create(
     return store
 
 
-def check_new(folder: Path) -> None:
-    """Refuse a place where no folder can be made, and a folder in which there is something else.
-
-    Raises:
-        InputError: It is one of these.
-    """
-    check_place(folder, "--out", folder=True)
+def _check_empty(folder: Path) -> None:
+    """Refuse a folder in which there is something else."""
     if folder.exists() and any(not p.name.startswith(".") for p in folder.iterdir()):
         if (folder / "study.json").exists():  # somebody has made it since
             return

@@ -23,11 +23,10 @@ from otwarp.studies.design import Design, blocks, check_starts, cut_blocks
 from otwarp.studies.differences import difference
 from otwarp.studies.observables import check_observables, check_time, same_end
 from otwarp.studies.plan import PER_POINT, Plan, plan_of, steps_of_points
-from otwarp.studies.runner import Runner, origin_of
+from otwarp.studies.runner import Runner
 from otwarp.studies.stopping.rules import Stop
 from otwarp.studies.store import Variable
 from otwarp.studies.targets import Target, target_of
-from otwarp.studies.turns import Turns
 
 BLOCK_TRIALS = 2**14
 """Trials of a block of points, at most: what is kept when something ends a study, and one chunk of its store."""
@@ -202,17 +201,6 @@ class Study:
         return part
 
     @property
-    def overlapping(self) -> bool:
-        """Whether a batch may be set up on a GPU while another one takes its steps.
-
-        Where bodies do not touch each other, those are launches of one kernel. Other steps may be captured as graphs,
-        which would take in what the set-up launches in another thread, or be ended by it.
-        """
-        if self.design.grouped:
-            return False
-        return origin_of(self.design.scene, self.options).features.driver == "solo"
-
-    @property
     def points_of_a_block(self) -> int:
         """Points of the first block, which has as many as any."""
         return int(np.prod([s.stop - s.start for s in self.blocks()[0]], dtype=np.int64))
@@ -235,13 +223,7 @@ class Study:
         return found, {"trial": self.stop.at_most}
 
     def compute(
-        self,
-        numbers: Sequence[int],
-        *,
-        device: str,
-        threads: int | None = None,
-        worlds: int | None = None,
-        turns: Turns | None = None,
+        self, numbers: Sequence[int], *, device: str, threads: int | None = None, worlds: int | None = None
     ) -> list[dict[str, np.ndarray]]:
         """Compute blocks side by side: of each its arrays by the names of the store.
 
@@ -252,12 +234,8 @@ class Study:
             device: Where.
             threads: On a CPU.
             worlds: Trials that run at once, at most; None: as many as there is memory for. Results do not depend on it.
-            turns: With others that compute on the device; None: there are none.
-
-        Raises:
-            CancelledError: These turns were ended.
         """
-        return compute_blocks(self, numbers, device=device, threads=threads, worlds=worlds, turns=turns)
+        return compute_blocks(self, numbers, device=device, threads=threads, worlds=worlds)
 
     def run(self, folder: str | Path, **how: Any) -> Any:
         """Compute what is missing of the study in a folder, and give all of it as an `xarray.Dataset`.

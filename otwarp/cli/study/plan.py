@@ -29,7 +29,7 @@ def plan(file: Path, device: str | None, as_json: bool) -> None:
     Some of its trials are timed; none is kept.
     """
     from otwarp.device import pick_device
-    from otwarp.studies.engines.local import trials_at_once
+    from otwarp.studies.engines.local import batch_of
     from otwarp.studies.engines.memory import room_of
     from otwarp.studies.file import load_study
     from otwarp.studies.plan import estimate
@@ -43,7 +43,7 @@ def plan(file: Path, device: str | None, as_json: bool) -> None:
     found = study.plan()
     seconds, where = estimate(study, device)
     room = room_of(study, device)
-    at_once = min(room.worlds, found.trials[1], trials_at_once(study, where))
+    at_once = min(room.worlds, found.trials[1], batch_of(study, gpu=where.startswith("cuda")))
     if as_json:
         memory = {"bytes": room.each * at_once, "free": room.free, "trials_at_once": at_once}
         said = dataclasses.asdict(found) | {"seconds": {"least": seconds[0], "most": seconds[1]}, "device": where}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -15,9 +14,7 @@ import warp as wp
 from otwarp.errors import InputError
 from otwarp.studies.any_study import AnyStudy
 from otwarp.studies.design import box_of
-from otwarp.studies.engines.memory import has_plenty
 from otwarp.studies.store import Store
-from otwarp.studies.turns import Turns
 
 Progress = Callable[[int, int], None]
 """(blocks done, blocks in all), called when one is."""
@@ -59,7 +56,7 @@ def blocks_of(study: AnyStudy, store: Store, shard: tuple[int, int] | None) -> l
 
 
 TOGETHER = 2**20
-"""Trials that a GPU has at once, at most."""
+"""Trials that a GPU computes together, at most."""
 FEWEST = 2**16
 """Of long trials as many as fill it."""
 WORLD_STEPS = 2**36
@@ -70,12 +67,12 @@ ROUND = 2**14
 """Trials of a round that a CPU computes together, at most."""
 
 
-def tasks(study: AnyStudy, todo: Sequence[int], *, gpu: bool, workers: int = 1, at_once: int = 1) -> list[list[int]]:
-    """Blocks in groups that fill a device without leaving other workers idle, if need be some `at_once`.
+def tasks(study: AnyStudy, todo: Sequence[int], *, gpu: bool, workers: int = 1) -> list[list[int]]:
+    """Blocks in groups that fill a device without leaving other workers idle.
 
     On a CPU each is one, but in rounds of spending a budget, where a block may have few new trials.
     """
-    most = min(TOGETHER // at_once, max(FEWEST, WORLD_STEPS // study.runner.steps)) if gpu else ROUND
+    most = min(TOGETHER, max(FEWEST, WORLD_STEPS // study.runner.steps)) if gpu else ROUND
     size = -(-len(todo) // max(workers, 1)) if gpu or study.round is not None else 1
     found: list[list[int]] = []
     full = 0
@@ -88,17 +85,10 @@ def tasks(study: AnyStudy, todo: Sequence[int], *, gpu: bool, workers: int = 1, 
     return found
 
 
-def tasks_at_once(study: AnyStudy, device: str) -> int:
-    """Tasks that a device has at once: on a GPU one may take its steps while the host sets up another, or reads it."""
-    return 2 if device.startswith("cuda") and study.overlapping and has_plenty(study, device, 2) else 1
-
-
-def trials_at_once(study: AnyStudy, device: str) -> int:
-    """Trials of the tasks that a device has at once, at most."""
-    at_once = tasks_at_once(study, device)
-    found = tasks(study, range(len(study.blocks())), gpu=device.startswith("cuda"), at_once=at_once)
-    blocks = min(at_once, len(found)) * max(len(task) for task in found)
-    return blocks * study.stop.at_most * study.points_of_a_block
+def batch_of(study: AnyStudy, *, gpu: bool) -> int:
+    """Trials of the largest task, at most."""
+    every = range(len(study.blocks()))
+    return max(len(task) for task in tasks(study, every, gpu=gpu)) * study.stop.at_most * study.points_of_a_block
 
 
 def _new_trials(study: AnyStudy, todo: Sequence[int]) -> list[int]:
@@ -148,26 +138,16 @@ def _joined(found: Sequence[Found], places: Sequence[tuple[slice, ...]], box: tu
     return out
 
 
-def on_this_host(devices: Sequence[str], begin: Callable[[], object] | None = None) -> Engine:
-    """The engine of this process: every device computes blocks in a thread of its own, a GPU perhaps in two.
-
-    Args:
-        devices: Which.
-        begin: Makes the store, before anything is kept; GPUs take their first steps meanwhile.
-    """
+def on_this_host(devices: Sequence[str]) -> Engine:
+    """The engine of this process: every device computes blocks in a thread of its own."""
 
     def run(study: AnyStudy, store: Store, todo: Sequence[int], progress: Progress) -> None:
         """Compute blocks; a block is kept as soon as it is whole."""
-        at_once = tasks_at_once(study, devices[0])
-        waiting = tasks(study, todo, gpu=devices[0].startswith("cuda"), workers=len(devices), at_once=at_once)
+        waiting = iter(tasks(study, todo, gpu=devices[0].startswith("cuda"), workers=len(devices)))
         count = len(study.blocks())
         done = len(store.finished())
         alone = len(devices) == 1 and devices[0] == "cpu"  # interrupts are answered where they arrive
-        lanes = [(device, Turns()) for device in devices] * at_once
-        if alone:
-            compute = _one_by_one(study, store, waiting, begin)
-        else:
-            compute = side_by_side(study, store, waiting, lanes, begin)
+        compute = _one_by_one(study, store, waiting) if alone else _side_by_side(study, store, waiting, devices)
         for numbers in compute:
             done += len(numbers)
             progress(done, count)
@@ -175,74 +155,34 @@ def on_this_host(devices: Sequence[str], begin: Callable[[], object] | None = No
     return run
 
 
-def _one_by_one(
-    study: AnyStudy, store: Store, waiting: Sequence[list[int]], begin: Callable[[], object] | None
-) -> Iterator[list[int]]:
-    if begin is not None:
-        begin()
-        yield []
+def _one_by_one(study: AnyStudy, store: Store, waiting: Iterator[list[int]]) -> Iterator[list[int]]:
     for numbers in waiting:
         compute_and_keep(study, store, numbers, "cpu")
         yield numbers
 
 
-Lane = tuple[str, Turns]
-"""Where a task is computed: a device, and with whom it shares that."""
-
-
-def side_by_side(
-    study: AnyStudy,
-    store: Store,
-    given: Sequence[list[int]],
-    lanes: Sequence[Lane],
-    begin: Callable[[], object] | None = None,
+def _side_by_side(
+    study: AnyStudy, store: Store, waiting: Iterator[list[int]], devices: Sequence[str]
 ) -> Iterator[list[int]]:
-    """A thread per lane computes, one more writes: disks do not keep devices waiting.
-
-    Args:
-        study: What is computed.
-        store: Gets the blocks.
-        given: Tasks, each the numbers of its blocks.
-        lanes: Who computes them.
-        begin: Called before anything is written, in a turn of those who are set up.
-
-    Yields:
-        The tasks whose blocks are kept, and one of none when `begin` is over.
-    """
-
-    waiting, free = iter(given), list(reversed(lanes))
-    computing: dict[Future[Any], tuple[Lane, list[int]]] = {}
+    """A thread per device computes, one more writes: disks do not keep devices waiting."""
+    free = list(devices)
+    computing: dict[Future[Any], tuple[str, list[int]]] = {}
     writing: dict[Future[Any], list[int]] = {}
-
-    def begun(begin: Callable[[], object]) -> None:
-        """Not beside a set-up: both are work of Python's, which threads do in turn anyway."""
-        with lanes[0][1].setup():
-            begin()
-
-    with contextlib.ExitStack() as end:
-        # Warp makes a device the default one while it copies from there to the host
-        end.enter_context(wp.ScopedDevice(wp.get_device()))
-        pool, writer = (end.enter_context(ThreadPoolExecutor(n)) for n in (len(lanes), 1))
-        for _, turns in lanes:
-            end.callback(turns.end)  # before the threads are waited for
-
-        def give_out() -> None:
+    # Warp makes a device the default one while it copies from there to the host
+    with wp.ScopedDevice(wp.get_device()), ThreadPoolExecutor(len(devices)) as pool, ThreadPoolExecutor(1) as writer:
+        while True:
             for numbers in itertools.islice(waiting, len(free)):
-                device, turns = lane = free.pop()
-                computing[pool.submit(study.compute, numbers, device=device, turns=turns)] = lane, numbers
-
-        give_out()
-        if begin is not None:
-            writing[writer.submit(begun, begin)] = []
-        while computing or writing:
-            # what is computed waits for the writer in memory: not more than a task per lane
-            pending = {*computing, *writing} if len(writing) <= len(lanes) else {*writing}
+                device = free.pop()
+                computing[pool.submit(study.compute, numbers, device=device)] = device, numbers
+            if not computing and not writing:
+                return
+            # what is computed waits for the writer in memory: not more than a task per device
+            pending = {*computing, *writing} if len(writing) <= len(devices) else {*writing}
             for task in wait(pending, return_when=FIRST_COMPLETED).done:
                 if task in computing:
-                    lane, numbers = computing.pop(task)
-                    free.append(lane)
+                    device, numbers = computing.pop(task)
+                    free.append(device)
                     writing[writer.submit(keep, study, store, numbers, task.result())] = numbers
                 else:
                     task.result()
                     yield writing.pop(task)
-            give_out()

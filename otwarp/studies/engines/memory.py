@@ -82,13 +82,10 @@ def _group_allows() -> int | None:
 
 def worlds_at_once(study: AnyStudy, device: str) -> int:
     """Trials of a study that run at once on a device, at most; known without making any where there is plenty."""
-    return LARGEST if has_plenty(study, device) else room_of(study, device).worlds
-
-
-def has_plenty(study: AnyStudy, device: str, batches: int = 1) -> bool:
-    """Whether some batches of the largest size surely fit on a device, which have nothing to share out then."""
     roughly = ROUGHLY * HOST * world_bytes(study.design.scene, study.options.precision)
-    return batches * LARGEST * roughly <= SHARE * free_bytes(device)
+    if LARGEST * roughly <= SHARE * free_bytes(device):
+        return LARGEST
+    return room_of(study, device).worlds
 
 
 def rough_worlds(scene: Scene, precision: str, device: str) -> int:

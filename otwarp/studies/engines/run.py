@@ -18,7 +18,7 @@ from otwarp.studies.asked import texts_of
 from otwarp.studies.differences import difference
 from otwarp.studies.engines.local import Engine, blocks_of, on_this_host
 from otwarp.studies.engines.rounds import spend
-from otwarp.studies.store import Store, Variable, check_new, check_versions, create
+from otwarp.studies.store import Store, Variable, check_versions, create
 
 
 def run_study(
@@ -51,37 +51,21 @@ def run_study(
     if rounds and shard is not None:
         raise InputError(f"--shard is {shard[0]}/{shard[1]}; allowed for a study with a budget: none, all points share "
                          "it; --engine ray for several hosts")  # fmt: skip
-    store = Store(Path(folder))
-    study = _as_begun(study, store.folder)
-    new = not (store.folder / "study.json").exists()
-    if new:
-        check_new(store.folder)
-    else:
-        prepare(study, store.folder)
+    study = _as_begun(study, Path(folder))
+    store = prepare(study, Path(folder))
     say = progress or (lambda done, of: None)
     todo = blocks_of(study, store, shard)
-    with contextlib.ExitStack() as held:
-
-        def begin() -> None:
-            """Make the folder if it is a new one, and hold it."""
-            if new:
-                prepare(study, store.folder)
-            check_versions(store, allowed=allow_version)
-            store.check_writable()
-            if shard is None:
-                held.enter_context(store.claimed())
-
-        if todo and engine is None and not rounds:
-            on_this_host(devices or all_devices(), begin)(study, store, todo, say)
-            return store
-        if todo or new:
-            begin()
-        if not rounds:
-            say(len(store.finished()), len(study.blocks()))
-        if todo and rounds:
-            spend(study, store, engine or on_this_host(devices or all_devices()), say)
-        elif todo and engine is not None:
-            engine(study, store, todo, say)
+    if not rounds:
+        say(len(store.finished()), len(study.blocks()))
+    if todo:
+        check_versions(store, allowed=allow_version)
+        store.check_writable()
+        compute = engine or on_this_host(devices or all_devices())
+        with store.claimed() if shard is None else contextlib.nullcontext():
+            if rounds:
+                spend(study, store, compute, say)
+            else:
+                compute(study, store, todo, say)
     return store
 
 

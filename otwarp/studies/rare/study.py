@@ -24,7 +24,6 @@ from otwarp.studies.rare.placement import MOST, rounded
 from otwarp.studies.stopping.rules import trials
 from otwarp.studies.store import Variable
 from otwarp.studies.study import Study
-from otwarp.studies.turns import Turns
 
 METHODS = ("forward-flux", "splitting")
 """How escapes are found: forward-flux sampling, or adaptive multilevel splitting."""
@@ -217,19 +216,8 @@ class EscapeStudy(Study):
             }
         return found, {"trial": self.runs, "interface": MOST}
 
-    @property
-    def overlapping(self) -> bool:
-        """No: the last paths of many are stepped by graphs."""
-        return False
-
     def compute(
-        self,
-        numbers: Sequence[int],
-        *,
-        device: str,
-        threads: int | None = None,
-        worlds: int | None = None,
-        turns: Turns | None = None,
+        self, numbers: Sequence[int], *, device: str, threads: int | None = None, worlds: int | None = None
     ) -> list[dict[str, np.ndarray]]:
         """Compute blocks, one after the other: of each its arrays by the names of the store.
 
@@ -239,19 +227,13 @@ class EscapeStudy(Study):
             threads: On a CPU.
             worlds: Paths that run at once, at most, but for those of one run; None: as many as there is memory for.
                 Results do not depend on it.
-            turns: Which a block at a time has to itself; None: there are none.
-
-        Raises:
-            CancelledError: These turns were ended.
         """
-        turns = turns or Turns()
         worlds = worlds or rough_worlds(self.design.scene, self.options.precision, device)
         every = np.arange(self.design.points).reshape(self.design.shape)
         out = []
         for where in (self.blocks()[n] for n in numbers):
             (point,) = every[where].ravel() if self.design.shape else (0,)
-            with turns.steps():
-                found: Found = rates_at(self, int(point), device=device, threads=threads, worlds=worlds)
+            found: Found = rates_at(self, int(point), device=device, threads=threads, worlds=worlds)
             shape = every[where].shape
             out.append({name: values.reshape(*shape, *values.shape) for name, values in found.items()})
         return out
