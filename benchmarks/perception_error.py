@@ -45,6 +45,7 @@ OURS = {
 """This project's networks there, on the split that leaks nothing, and what the map calls them."""
 COLUMNS = {
     "success": ("delivered", "{:.2f}", 1.0),
+    "lost": ("lost", "{:.2f}", 1.0),
     "contact_mean": ("contact [pN]", "{:.2f}", 1.0),
     "force_rmse_pn": ("force error [pN]", "{:.2f}", 1.0),
     "force_r2": ("R²", "{:.2f}", 1.0),
@@ -56,6 +57,8 @@ COLUMNS = {
     "phase_1hz": ("phase 1 Hz [°]", "{:.0f}", 1.0),
     "phase_5hz": ("5 Hz [°]", "{:.0f}", 1.0),
     "sway": ("sway [µm]", "{:.0f}", 1e6),
+    "limit_cycles": ("limit cycles", "{:.2f}", 1.0),
+    "limit_cycle_hz": ("at [Hz]", "{:.1f}", 1.0),
 }
 """Columns of the tables: heading, form, factor."""
 
@@ -69,6 +72,8 @@ SWEEPS: dict[str, dict[str, Any]] = {
     "weak": {"axes": grid(0, 25, 50, 75, 100, 150, 200, 300, 500, depth=(0.0, 0.1, 0.2, 0.4, 0.8, 1.6))},
     "chain": {"axes": grid(0, 20, 50, 100, 200, 300, 500, depth=(0.0, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6))},
     "pose": {"axes": {"tilt_error": (0.0, 5.0, 10.0), "frame_rate": (30.0, 60.0, 120.0, 500.0)}},
+    "late_pose": {"axes": {"delay": (0.0, 0.05, 0.1), "tilt_error": (0.0, 5.0, 10.0, 20.0)}},
+    "late_lateral": {"axes": {"delay": (0.0, 0.05, 0.1), "lateral_error": (0.0, 0.05, 0.1, 0.2)}},
     "unstamped": {"axes": grid(25, 50, 100, 200), "base": Perception(stamped=False)},
     "slow": {"axes": grid(0, 50, depth=(0.2, 0.4, 0.8)), "base": Perception(correlation=0.5)},
     "lateral": {"axes": grid(0, 50), "base": Perception(lateral_error=0.2)},
@@ -145,8 +150,10 @@ def drawn(device: str, operators: int, picture: Path) -> Maps:
 def report(device: str, operators: int, fewer: int, picture: Path) -> str:
     """All tables of the page; the map is drawn."""
     weak, chain = drawn(device, operators, picture), computed("chain", operators, device)
-    names = ("pose", "unstamped", "slow", "lateral", "slow_lateral", "eyes")
-    pose, unstamped, slow, lateral, slow_lateral, eyes = (computed(name, fewer, device) for name in names)
+    names = ("pose", "late_pose", "late_lateral", "unstamped", "slow", "lateral", "slow_lateral", "eyes")
+    pose, late_pose, late_lateral, unstamped, slow, lateral, slow_lateral, eyes = (
+        computed(name, fewer, device) for name in names
+    )
     across = [(f"{said}, {how}", row) for how, found in (("new in every picture", lateral), ("for 0.5 s", slow_lateral))
               for said, row in cells(found)]  # fmt: skip
     corners = {"delay": (0.0, 0.05, 0.1, 0.2, 0.5), "depth_error": (0.0, 0.2, 0.8)}
@@ -160,6 +167,10 @@ def report(device: str, operators: int, fewer: int, picture: Path) -> str:
             table(chain, [*beside(chain), *cells(chain, **corners)]),
             f"Tilt errors and frame rates, {pose.operators} simulated operators, {WEAK:g} N/pN as below:",
             table(pose, [*beside(pose), *cells(pose)]),
+            f"Delays and tilt errors, {late_pose.operators} simulated operators:",
+            table(late_pose, cells(late_pose)),
+            f"Delays and errors along x and along y, {late_lateral.operators} simulated operators:",
+            table(late_lateral, cells(late_lateral)),
             f"Late estimates beside the traps of now, {unstamped.operators} simulated operators:",
             table(unstamped, cells(unstamped)),
             f"Depth errors that are forgotten in {slow.asked['perception']['base']['correlation']:g} s, "

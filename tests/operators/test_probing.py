@@ -6,7 +6,7 @@ import warp as wp
 
 from otwarp.operators.chain import zeros
 from otwarp.operators.kernels import probing
-from otwarp.operators.kernels.probing import ProbeSums
+from otwarp.operators.kernels.probing import TRACKED, ProbeSums
 from otwarp.operators.kernels.types import MindData, Person
 from otwarp.operators.perception.probe import AMPLITUDES, FREQUENCIES, Probing, answers_of, probe_persons, probe_rows
 from otwarp.operators.population import load_population
@@ -29,9 +29,9 @@ def probed(device):
         setattr(mind, name, zeros(shape, MindData.vars[name].type.dtype, place))
     sums = ProbeSums()
     sums.first = BEFORE
-    for name in ("counted", "force", "reference", "place", "square"):
-        shape = (2, 2, 2) if name in ("force", "reference") else (2, 2)
-        setattr(sums, name, zeros(shape, ProbeSums.vars[name].type.dtype, place))
+    more = {"force": (2,), "reference": (2,), "track": (1000 // TRACKED,)}
+    for name in ("counted", "force", "reference", "place", "square", "track"):
+        setattr(sums, name, zeros((2, 2, *more.get(name, ())), ProbeSums.vars[name].type.dtype, place))
     rows = wp.array(probe_rows(task, ["driven", "held"]), dtype=probing.ProbeRow, **where)
     persons = probe_persons(task, load_population(), np.arange(2, dtype=np.uint32))
     people = wp.array(persons, dtype=Person, **where)
@@ -78,6 +78,15 @@ def test_phase_and_gain_of_a_known_force(probed):
     np.testing.assert_allclose(found["gain"][0, 0], np.tile(SIZE, (2, 1)), rtol=1e-9)
     sway = np.sqrt(np.sum(np.var(went[BEFORE:, 1], axis=0), axis=-1))
     np.testing.assert_allclose(found["sway"][0, 0], sway, rtol=1e-6)
+
+
+def test_places_are_kept_for_the_search_of_limit_cycles(probed):
+    """Every fifth period from the first that counts; a second tells of no cycle below 4 Hz, and it goes at 1."""
+    *_, went, sums = probed
+    track = sums.track.numpy()
+    np.testing.assert_array_equal(track[1], np.moveaxis(went[BEFORE + TRACKED - 1 :: TRACKED, 1], 0, 1))
+    found = answers_of(sums, 1.0 / PERIOD, 1, Probing(seconds=1.0, repeats=1))
+    assert np.all(np.isnan(found["cycle"])) and not np.any(found["cycle_amplitude"])
 
 
 def test_worlds_that_ended_before_are_not_told(probed):

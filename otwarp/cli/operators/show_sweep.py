@@ -11,6 +11,7 @@ from otwarp.operators.perception.summary import AS_GOOD, MARGIN, UNTOLD, WORSE, 
 
 COLUMNS = {
     "success": ("delivered", "{:.2f}", 1.0),
+    "lost": ("lost", "{:.2f}", 1.0),
     "success_minus_perfect": ("− no error", "{:+.2f}", 1.0),
     "success_minus_without": ("− no haptics", "{:+.2f}", 1.0),
     "contact_mean": ("contact pN", "{:.2f}", 1.0),
@@ -20,6 +21,7 @@ COLUMNS = {
     "phase_1hz": ("phase ° 1 Hz", "{:.0f}", 1.0),
     "phase_5hz": ("5 Hz", "{:.0f}", 1.0),
     "sway": ("sway µm", "{:.0f}", 1e6),
+    "limit_cycles": ("cycles", "{:.2f}", 1.0),
 }
 """Columns of the table: heading, form, factor."""
 WORDS = {AS_GOOD: "as good", WORSE: "fewer", WORSE_THAN_NONE: "fewer than without", UNTOLD: "not told"}
@@ -35,7 +37,7 @@ def print_sweep(found: Maps, *, as_json: bool) -> None:
         return
     from rich.table import Table
 
-    console = tables_console(160)
+    console = tables_console(180)
     asked = found.asked
     console.print(
         f"{found.operators:,} SIMULATED operators of {asked['operators']:,} in every cell, {asked['scene']['file']}, "

@@ -31,9 +31,10 @@ BIAS = Number(-100.0, 100.0, unit="µm")
               help="Take --depth-error as parts of this range, as of normalised depths.")  # fmt: skip
 @click.option("--pose-error", type=Values(DEGREES), metavar="DEG", default="0", show_default=True,
               help="Standard deviation of the tilt out of the plane.")  # fmt: skip
+@click.option("--lateral-error", type=Values(MICRONS), metavar="UM", default="0", show_default=True,
+              help="Standard deviation along x and along y.")  # fmt: skip
 @click.option("--frame-rate", type=Values(RATE), metavar="HZ", default="120", show_default=True,
               help="Pictures per second that estimates are made of.")  # fmt: skip
-@click.option("--lateral-error", type=MICRONS, default=0.0, help="Standard deviation along x and along y.")
 @click.option("--yaw-error", type=DEGREES, default=0.0, help="Standard deviation of the turn in the plane.")
 @click.option("--correlation", type=Number(0.0, 1e7, unit="ms"), default=0.0,
               help="Time in which errors are forgotten; default: none, every picture anew.")  # fmt: skip
@@ -59,8 +60,9 @@ def sweep(scene: Path, out: Path, operators: int, mode: str, force_gain: float |
           time_step: float, chunk: int | None, seed: int, device: str | None, **asked: Any) -> None:  # fmt: skip
     """Let SIMULATED operators do the task of SCENE in every cell of a grid of delays and errors of perception.
 
-    --delay, --depth-error, --pose-error and --frame-rate are START:END:STEP, or numbers with commas between. Operators
-    and their random numbers are the same in all cells. The same line goes on after whatever ended it.
+    --delay, --depth-error, --lateral-error, --pose-error and --frame-rate are START:END:STEP, or numbers with commas
+    between; a map is drawn over the first two that have several. Operators and their random numbers are the same in all
+    cells. The same line goes on after whatever ended it.
     """
     from otwarp.device import pick_device
     from otwarp.operators.folder import Folder
@@ -90,8 +92,8 @@ def sweep(scene: Path, out: Path, operators: int, mode: str, force_gain: float |
 
 def _perceptions(
     *, delay: tuple[float, ...], depth_error: tuple[float, ...], depth_range: float | None,
-    pose_error: tuple[float, ...], frame_rate: tuple[float, ...], correlation: float, unstamped: bool,
-    eyes_delay: float | None, probes: int, **same: Any,
+    lateral_error: tuple[float, ...], pose_error: tuple[float, ...], frame_rate: tuple[float, ...], correlation: float,
+    unstamped: bool, eyes_delay: float | None, probes: int, **same: Any,
 ) -> tuple[dict[str, tuple[float, ...]], Any]:  # fmt: skip
     """Axes and common part of the cells, in the units of `Perception`."""
     from otwarp.operators.perception.errors import Perception
@@ -101,6 +103,7 @@ def _perceptions(
         "depth_error": tuple(error * (depth_range or 1.0) for error in depth_error),
         "tilt_error": pose_error,
         "frame_rate": frame_rate,
+        "lateral_error": lateral_error,
     }
     late = None if eyes_delay is None else 1e-3 * eyes_delay
     return axes, Perception(correlation=1e-3 * correlation, stamped=not unstamped, eyes_delay=late, **same)

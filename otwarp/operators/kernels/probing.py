@@ -10,6 +10,8 @@ from otwarp.operators.kernels.types import MindData, Person
 
 SINES = wp.constant(2)
 """Frequencies at once."""
+TRACKED = wp.constant(5)
+"""Servo periods between two places of a hand that are kept."""
 FREE, DRIVEN = 0, 1
 """What a hand does: yields to the force, about where it was; goes as it is told."""
 _DRIVEN = wp.constant(DRIVEN)
@@ -35,6 +37,7 @@ class ProbeSums:
     reference: wp.array3d(dtype=wp.vec2d)  # the same of the force of a perfect twin [N]
     place: wp.array2d(dtype=wp.vec3d)  # Σ of where the hand is [m]
     square: wp.array2d(dtype=wp.vec3d)  # Σ of its squares [m²]
+    track: wp.array3d(dtype=wp.vec3d)  # (W, H, samples) where it is after every TRACKED periods [m]
 
 
 @wp.kernel(enable_backward=False)
@@ -85,3 +88,6 @@ def add_answer(
     place = hand[w, h]
     sums.place[w, h] = sums.place[w, h] + place
     sums.square[w, h] = sums.square[w, h] + wp.cw_mul(place, place)
+    sample = counted // TRACKED - 1
+    if counted % TRACKED == 0 and sample < sums.track.shape[2]:
+        sums.track[w, h, sample] = place

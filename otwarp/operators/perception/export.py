@@ -22,6 +22,8 @@ MEANINGS = {
     **{f"phase_{f:g}hz": (f"phase of the force on a hand that moves at {f:g} Hz", "°") for f in FREQUENCIES},
     **{f"gain_{f:g}hz": (f"force on a hand that moves at {f:g} Hz, over the perfect one", "1") for f in FREQUENCIES},
     "sway": ("place of a hand that is held still, root mean square", "m"),
+    "limit_cycles": ("share of hands that are held still and oscillate on", "1"),
+    "limit_cycle_hz": ("mean frequency of these", "Hz"),
 }
 """Maps that are no difference, with meaning and unit."""
 ENDS = {

@@ -25,6 +25,7 @@ LABELS = {
     "depth_error": ("depth error [µm]", 1.0),
     "tilt_error": ("tilt error [°]", 1.0),
     "frame_rate": ("pictures per second", 1.0),
+    "lateral_error": ("error along x and y [µm]", 1.0),
 }
 """Labels of axes, and what their values are multiplied by."""
 PAPER_NETWORKS = {"VGG16": 0.1194, "ResNet18": 0.0288, "ResNet50": 0.0413}

@@ -11,10 +11,11 @@ import warp as wp
 
 from otwarp.operators.chain import zeros
 from otwarp.operators.kernels import probing
-from otwarp.operators.kernels.probing import DRIVEN, FREE, SINES, ProbeRow, ProbeSums
+from otwarp.operators.kernels.probing import DRIVEN, FREE, SINES, TRACKED, ProbeRow, ProbeSums
 from otwarp.operators.kernels.types import YIELDS
 from otwarp.operators.loop import FRAME_RATE, LONGEST_STEP
 from otwarp.operators.people import persons
+from otwarp.operators.perception.cycles import limit_cycles
 from otwarp.operators.perception.errors import Perception
 from otwarp.operators.perception.loop import PerceivedLoop
 from otwarp.operators.population import Population
@@ -55,12 +56,19 @@ class ProbeLoop(PerceivedLoop):
     Args:
         task, persons, perceptions, options: As of `PerceivedLoop`.
         probes: (W) structs `ProbeRow`.
+        samples: Places of each hand that are kept.
     """
 
     def __init__(
-        self, task: Task, persons: np.ndarray, perceptions: Sequence[Perception], probes: np.ndarray, **options: Any
+        self,
+        task: Task,
+        persons: np.ndarray,
+        perceptions: Sequence[Perception],
+        probes: np.ndarray,
+        samples: int,
+        **options: Any,
     ):
-        self.probes = probes
+        self.probes, self.samples = probes, samples
         super().__init__(task, persons, perceptions, **options)
 
     def load(self) -> None:
@@ -71,9 +79,9 @@ class ProbeLoop(PerceivedLoop):
         self.probe_rows = wp.array(self.probes, dtype=ProbeRow, device=device)
         self.answers = ProbeSums()
         self.answers.first = round(BEGUN * self.rate)
-        for name in ("counted", "force", "reference", "place", "square"):
-            sines = (SINES,) if name in ("force", "reference") else ()
-            setattr(self.answers, name, zeros((*shape, *sines), ProbeSums.vars[name].type.dtype, device))
+        more = {"force": (SINES,), "reference": (SINES,), "track": (self.samples,)}
+        for name in ("counted", "force", "reference", "place", "square", "track"):
+            setattr(self.answers, name, zeros((*shape, *more.get(name, ())), ProbeSums.vars[name].type.dtype, device))
 
     def move_hands(self) -> None:
         """What hands do in a servo period."""
@@ -122,17 +130,20 @@ def run_probes(
 
     phase [°] and gain [1]: of the force on a hand against that of a perfect, undelayed twin, at `FREQUENCIES`, for the
     same motion; a lag is below 0. sway [m]: root mean square of the place of a hand that an arm holds still, about its
-    mean; a limit cycle makes it large. nan where a world was over before, as when a robot was lost.
+    mean; noise makes it large as well as a limit cycle. cycle [Hz] and cycle_amplitude [m]: of its limit cycle, see
+    `cycles`; nan and 0 where there is none. All are nan where a world was over before, as when a robot was lost.
     """
     ask = probing or Probing()
     count = len(perceptions) * ask.repeats
     kinds = np.repeat(KINDS, count)
     numbers = np.tile(np.arange(ask.repeats, dtype=np.uint32), len(KINDS) * len(perceptions))
+    rate = task.plans[0].config.chain.rate
     loop = ProbeLoop(
         task,
         probe_persons(task, population, numbers),
         [p for _ in KINDS for p in perceptions for _ in range(ask.repeats)],
         probe_rows(task, list(kinds)),
+        round(ask.seconds * rate) // TRACKED,
         seed=ask.seed,
         device=device,
         time_step=ask.time_step,
@@ -155,7 +166,10 @@ def answers_of(answers: Any, rate: float, count: int, ask: Probing) -> Mapping[s
     shape = (len(KINDS), count, ask.repeats)
     driven = answer.reshape(*shape, *answer.shape[1:])[0]
     held = sway.reshape(*shape, *sway.shape[1:])
-    return {"phase": np.rad2deg(np.angle(driven)), "gain": np.abs(driven), "sway": held[1]}
+    frequency, amplitude = limit_cycles(sums["track"].reshape(*shape, *sums["track"].shape[1:])[1], rate / TRACKED)
+    amplitude[~np.isfinite(held[1])] = np.nan
+    return {"phase": np.rad2deg(np.angle(driven)), "gain": np.abs(driven), "sway": held[1],
+            "cycle": np.where(np.isfinite(held[1]), frequency, np.nan), "cycle_amplitude": amplitude}  # fmt: skip
 
 
 def _complex(sums: np.ndarray) -> np.ndarray:

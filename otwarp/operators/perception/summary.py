@@ -52,8 +52,9 @@ class Maps:
     Attributes:
         axes: Values of `sweep.AXES` by name, in the order of the arrays' dimensions.
         maps: Arrays over the grid by name: success and lost, rates; `NUMBERS`; of the probes phase_1hz [°], gain_1hz
-            and so on, sway [m]; success_minus_perfect, success_minus_without, and the same of all `COMPARED`. Rates and
-            differences have ends of their intervals, with _low and _high behind the name.
+            and so on, sway [m], limit_cycles (share of hands), limit_cycle_hz; success_minus_perfect,
+            success_minus_without, and the same of all `COMPARED`. Rates and differences have ends of their intervals,
+            with _low and _high behind the name.
         beside: The same numbers, without differences, of perfect perception, "perfect", and of no haptics, "without".
         operators: How many have done all of it.
         asked: What `study.json` says.
@@ -78,7 +79,7 @@ def maps_of(folder: Folder) -> Maps:
     """
     asked = folder.asked()
     said = asked["perception"]
-    axes = {name: np.array(said["axes"][name]) for name in AXES}
+    axes = {name: np.array(said["axes"][name]) for name in AXES if name in said["axes"]}
     shape = tuple(len(values) for values in axes.values())
     cells = int(np.prod(shape))
     blind = Perception(**said["base"]).eyes == "twin"
@@ -146,7 +147,12 @@ def _probed(probes: dict[str, np.ndarray], count: int) -> dict[str, np.ndarray]:
         mean = np.array([row[np.isfinite(row)].mean() if np.isfinite(row).any() else np.nan for row in known])
         out[f"phase_{frequency:g}hz"], out[f"gain_{frequency:g}hz"] = np.rad2deg(np.angle(mean)), np.abs(mean)
     sway = probes["sway"].reshape(count, -1)
-    return out | {"sway": np.array([_mean(row) for row in sway])}
+    out["sway"] = np.array([_mean(row) for row in sway])
+    if "cycle" in probes:  # folders of before know of none
+        frequency, amplitude = (probes[name].reshape(count, -1) for name in ("cycle", "cycle_amplitude"))
+        out["limit_cycles"] = np.array([_mean(np.where(np.isfinite(row), row > 0.0, np.nan)) for row in amplitude])
+        out["limit_cycle_hz"] = np.array([_mean(row) for row in frequency])
+    return out
 
 
 def as_good(low: np.ndarray | float, high: np.ndarray | float, what: str) -> np.ndarray | float:

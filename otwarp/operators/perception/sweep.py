@@ -23,6 +23,7 @@ AXES = {
     "depth_error": ("standard deviation of the depth", "µm"),
     "tilt_error": ("standard deviation of the tilt", "°"),
     "frame_rate": ("frame rate", "Hz"),
+    "lateral_error": ("standard deviation along x and along y", "µm"),
 }
 """What a sweep goes over, with meaning and unit: fields of `Perception`."""
 CHUNK_CPU, CHUNK_GPU = 256, 16_384

@@ -11,7 +11,7 @@ from otwarp.cli.main import cli
 from otwarp.errors import InputError
 from otwarp.operators.folder import open_folder
 from otwarp.operators.perception.errors import Perception
-from otwarp.operators.perception.figure import where_it_is
+from otwarp.operators.perception.figure import draw_maps, where_it_is
 from otwarp.operators.perception.folder import probes_of, run_sweep
 from otwarp.operators.perception.summary import AS_GOOD, MARGIN, UNTOLD, as_good, maps_of, verdict
 from otwarp.operators.perception.sweep import Sweep
@@ -87,13 +87,13 @@ def test_another_sweep_is_refused_in_its_folder(done):
 def test_maps_are_set_against_no_error_and_no_haptics(done):
     found = maps_of(done)
     assert found.operators == 2
-    assert found.maps["success"].shape == found.maps["phase_1hz"].shape == (2, 3, 1, 1)
-    first = found.at((0, 0, 0, 0))
+    assert found.maps["success"].shape == found.maps["phase_1hz"].shape == (2, 3, 1, 1, 1)
+    first = found.at((0, 0, 0, 0, 0))
     assert first["success_minus_perfect"] == 0.0 and first["contact_mean_minus_perfect"] == 0.0
     for name in ("contact_mean", "force_rmse_pn", "phase_5hz", "gain_1hz"):
         assert first[name] == found.beside["perfect"][name], name
     assert np.isnan(found.beside["without"]["force_rmse_pn"])
-    late = found.at((1, 0, 0, 0))
+    late = found.at((1, 0, 0, 0, 0))
     assert late["phase_1hz"] < -20.0 < first["phase_1hz"] < 0.0
     assert late["force_rmse_pn"] > first["force_rmse_pn"]
 
@@ -156,6 +156,22 @@ def test_what_cannot_be_is_refused(wrong, said):
         small(**wrong)
 
 
+@pytest.mark.parametrize("axes", [{"delay": (0.0, 0.1), "tilt_error": (0.0, 10.0)},
+                                  {"lateral_error": (0.0, 0.2), "frame_rate": (60.0, 120.0)}])  # fmt: skip
+def test_any_two_axes_make_a_map(axes, tmp_path):
+    """Of one operator for 0.05 s, without probes: every cell has its own perception, and the map its picture."""
+    sweep = small(study=study(operators=1, duration=0.05), axes=axes, chunk=6)
+    first, second = sorted(axes, key=list(sweep.grid).index)
+    assert [(getattr(p, first), getattr(p, second)) for p in sweep.cells] == [
+        (a, b) for a in axes[first] for b in axes[second]
+    ]
+    found = maps_of(run_sweep(sweep, tmp_path / "out", device="cpu"))
+    assert [name for name, values in found.axes.items() if len(values) > 1] == [first, second]
+    assert draw_maps(found, tmp_path / "map.png").stat().st_size > 10_000
+    errors = np.squeeze(found.maps["force_rmse_pn"])
+    assert errors.shape == (2, 2) and np.unique(errors).size == 4
+
+
 def test_the_command_line(done, tmp_path):
     out = tmp_path / "out"
     line = ["operators", "sweep", "scenes/cell_delivery.usda", "--delay", "0:100:100", "--depth-error", "0,0.01,0.02"]
@@ -168,6 +184,8 @@ def test_the_command_line(done, tmp_path):
     assert found["simulated"] is True and len(found["cells"]) == 6
     table = CliRunner().invoke(cli, ["operators", "show", str(done.path)], catch_exceptions=False)
     assert "2 SIMULATED operators" in table.output and "no haptics" in table.output
+    head = next(line for line in table.output.splitlines() if "delivered" in line)
+    assert all(word in head for word in ("lost", "sway", "cycles", "deliveries are")) and "…" not in table.output
     picture, data = tmp_path / "map.png", tmp_path / "map.nc"
     drawn = [
         "operators",
@@ -186,7 +204,7 @@ def test_the_command_line(done, tmp_path):
     import xarray
 
     with xarray.open_dataset(data) as table:
-        assert table["success"].dims == ("delay", "depth_error", "tilt_error", "frame_rate")
+        assert table["success"].dims == ("delay", "depth_error", "tilt_error", "frame_rate", "lateral_error")
         assert table["force_rmse_pn"].attrs["units"] == "pN" and "simulated" in table.attrs["note"]
         assert all(table[name].attrs["units"] and table[name].attrs["long_name"] for name in table.variables)
         assert table["success_minus_without_low"].attrs["long_name"] == (
