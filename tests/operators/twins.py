@@ -20,6 +20,9 @@ Operations and their order are the servo's, and so are the bits, but for `math.d
 last bit is better than that of a root of a sum of squares: it makes energies differ by 1e-16 of themselves each period.
 """
 
+ON_DEVICES = 1e-6
+"""The same of a GPU, which contracts products and sums, and has other roots and exponentials: what was promised."""
+
 SCALES = {"force": 0.1, "asked": 0.1, "energy": 1e-6, "commanded": 1.0}
 """Newtons, joules (a hundredth of the reserve) and micrometres to which differences of small numbers are compared."""
 
@@ -41,9 +44,9 @@ class Twins:
         seen: Phases and complaints.
     """
 
-    def __init__(self, plans: Sequence[HandPlan], local: LocalScene, worlds: int, traps: int):
+    def __init__(self, plans: Sequence[HandPlan], local: LocalScene, worlds: int, traps: int, device: str = "cpu"):
         self.plans, self.local, self.worlds = plans, local, worlds
-        self.batch = ChainBatch(plans, local, worlds, device="cpu", infos=[INFO] * len(plans), traps=traps)
+        self.batch = ChainBatch(plans, local, worlds, device=device, infos=[INFO] * len(plans), traps=traps)
         self.chains = [[self.fresh_chain(h) for h in range(len(plans))] for _ in range(worlds)]
         shape = (worlds, len(plans))
         self.hand, self.fresh = np.zeros((*shape, 3)), np.ones(shape, dtype=np.int32)
@@ -67,7 +70,7 @@ class Twins:
         return make_chain(config, {t: self.local.laws[t] for t in config.traps}, self.local.kinds, INFO)
 
     def flags(self, worlds: np.ndarray) -> wp.array:
-        return wp.array(worlds, dtype=wp.bool, device="cpu")
+        return wp.array(worlds, dtype=wp.bool, device=self.batch.device)
 
     def arm(self, worlds: np.ndarray, *, armed: bool = True) -> None:
         """Arm or disarm some worlds of both."""
