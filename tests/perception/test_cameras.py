@@ -259,6 +259,31 @@ def test_a_video_device(monkeypatch):
         make_camera("v4l2:7").open()
 
 
+def test_a_video_through_opencv_itself(tmp_path):
+    """Where OpenCV is installed: a file takes the place of the device, and its frames come up to what coding loses."""
+    cv2 = pytest.importorskip("cv2", reason="OpenCV is not installed: pip install opencv-python-headless")
+    file = tmp_path / "frames.avi"
+    rows, columns = np.indices((48, 64))
+    levels = (2 * columns + 2 * rows).astype(np.uint8)
+    writer = cv2.VideoWriter(str(file), cv2.VideoWriter_fourcc(*"MJPG"), 30.0, (64, 48))
+    if not writer.isOpened():
+        pytest.skip("this OpenCV writes no videos")
+    for _ in range(3):
+        writer.write(np.repeat(levels[::-1, :, None], 3, axis=2))
+    writer.release()
+    camera = make_camera(f"v4l2:{file},rate=100")
+    camera.open()
+    frame = soon(camera)
+    seen = frame.pieces[0].levels
+    assert seen.shape == levels.shape and np.abs(seen.astype(int) - levels).max() < 8
+    with pytest.raises(CameraLost, match="gives no more frames"):
+        while time.perf_counter() < frame.sent + 60.0:
+            soon(camera)
+    camera.close()
+    with pytest.raises(InputError, match="OpenCV cannot open it"):
+        make_camera(f"v4l2:{tmp_path / 'absent.avi'}").open()
+
+
 class Buffer:
     """A filled buffer of the driver of GenICam cameras, upside down, with the time of its light [ns]."""
 
