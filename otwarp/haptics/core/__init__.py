@@ -32,7 +32,6 @@ class DeviceInfo:
         force: Largest force that it renders [N]; 0 for one that renders none.
         continuous_force: Force that it can hold for ever [N].
         absolute: Whether `DeviceSample.position` is a place of the hand; else it is the integral of a rate.
-        met_hardware: Whether this binding was ever run on the hardware; False says that a double stood in.
     """
 
     name: str
@@ -40,7 +39,6 @@ class DeviceInfo:
     force: float = 0.0
     continuous_force: float = 0.0
     absolute: bool = True
-    met_hardware: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,6 +41,7 @@ class Kind:
         keeps: What keeps the last force if the servo is killed: `nothing` (software, or no motors); a `driver` outside
             of the servo's process, to which the guardian sends zero force (its module has `zero_force`, see
             `core.ZeroForce`); or a `library` in it, which ends with it, and the device's own timeout acts.
+        met_hardware: Whether the binding was ever run on the hardware; of software, True.
     """
 
     home: str
@@ -49,6 +50,12 @@ class Kind:
     several: bool
     probe: bool = False
     keeps: Literal["nothing", "driver", "library"] = "nothing"
+    met_hardware: bool = True
+
+    @property
+    def caution(self) -> str:
+        """What who uses a kind must know whose binding never met one, or ""."""
+        return "" if self.met_hardware else "this way was tested on doubles; no such device has met it"
 
 
 KINDS: dict[str, Kind] = {
@@ -57,18 +64,48 @@ KINDS: dict[str, Kind] = {
     "replay": Kind(
         "otwarp.haptics.devices.replay:create", "required", "a recording, .mcap, .csv or .jsonl", True, True
     ),
-    "spacemouse": Kind("otwarp.haptics.devices.spacemouse:create", "optional", "a serial, #2, speed=0.1", False, True),
+    "spacemouse": Kind(
+        "otwarp.haptics.devices.spacemouse:create",
+        "optional",
+        "a serial, #2, speed=0.1",
+        False,
+        True,
+        met_hardware=False,
+    ),
     "dualsense": Kind(
-        "otwarp.haptics.devices.dualsense:create", "optional", "a serial, #2, speed=0.1", False, True, "driver"
+        "otwarp.haptics.devices.dualsense:create",
+        "optional",
+        "a serial, #2, speed=0.1",
+        False,
+        True,
+        "driver",
+        met_hardware=False,
     ),
     "ros1": Kind(
-        "otwarp.haptics.devices.ros1:create", "required", "a namespace, as /GeomagicLeft", False, True, "driver"
+        "otwarp.haptics.devices.ros1:create",
+        "required",
+        "a namespace, as /GeomagicLeft",
+        False,
+        True,
+        "driver",
+        met_hardware=False,
     ),
     "openhaptics": Kind(
-        "otwarp.haptics.devices.openhaptics:create", "optional", "its name in Touch Setup", False, keeps="library"
+        "otwarp.haptics.devices.openhaptics:create",
+        "optional",
+        "its name in Touch Setup",
+        False,
+        keeps="library",
+        met_hardware=False,
     ),
     "inverse3": Kind(
-        "otwarp.haptics.devices.inverse3:create", "optional", "its id, or ws://host:port/id", False, True, "driver"
+        "otwarp.haptics.devices.inverse3:create",
+        "optional",
+        "its id, or ws://host:port/id",
+        False,
+        True,
+        "driver",
+        met_hardware=False,
     ),
     "forcedimension": Kind(
         "otwarp.haptics.devices.forcedimension:create",
@@ -76,6 +113,7 @@ KINDS: dict[str, Kind] = {
         "its serial number, or index=N",
         False,
         keeps="library",
+        met_hardware=False,
     ),
 }
 """One row per kind. A new device adds its file and its row."""

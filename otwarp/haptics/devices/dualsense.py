@@ -231,7 +231,6 @@ class DualSense:
             force=self._full,
             continuous_force=self._full,
             absolute=False,
-            met_hardware=False,
         )
         self._hand = RateHand(given["speed"], given["dead_zone"])
         self._port: HidPort | None = None

@@ -135,7 +135,6 @@ class ForceDimensionDevice:
             kind="forcedimension",
             force=self._force,
             continuous_force=CONTINUOUS * self._force,
-            met_hardware=False,
         )
 
     def open(self) -> None:

@@ -72,9 +72,7 @@ class Inverse3Device:
         clock: Callable[[], float] = time.perf_counter,
     ):
         self._service, self._device, self._grip, self._name, self._clock = service, device, grip, name, clock
-        self.info = DeviceInfo(
-            name=name, kind="inverse3", force=FORCE, continuous_force=CONTINUOUS_FORCE, met_hardware=False
-        )
+        self.info = DeviceInfo(name=name, kind="inverse3", force=FORCE, continuous_force=CONTINUOUS_FORCE)
         self._link: ServiceLink | None = None
         self.address = ""
 

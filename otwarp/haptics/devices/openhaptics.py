@@ -275,9 +275,7 @@ class OpenHapticsDevice:
     def info(self) -> DeviceInfo:
         """See `Device`; the forces are those that the device says, once it was opened."""
         force, continuous = self._served.forces if self._served else TOUCH_FORCES
-        return DeviceInfo(
-            name=self._name, kind="openhaptics", force=force, continuous_force=continuous, met_hardware=False
-        )
+        return DeviceInfo(name=self._name, kind="openhaptics", force=force, continuous_force=continuous)
 
     @property
     def warnings(self) -> int:

@@ -74,7 +74,6 @@ class Ros1Device:
             kind="ros1",
             force=TOUCH_FORCE,
             continuous_force=TOUCH_CONTINUOUS,
-            met_hardware=False,
         )
         self._node: Any = None
         self._pose: Any = None

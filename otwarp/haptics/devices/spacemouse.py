@@ -124,7 +124,7 @@ class SpaceMouse:
         system: HidSystem | None = None,
     ):
         self._wanted, self._system = wanted, system
-        self.info = DeviceInfo(name=wanted.text, kind="spacemouse", absolute=False, met_hardware=False)
+        self.info = DeviceInfo(name=wanted.text, kind="spacemouse", absolute=False)
         self._hand = RateHand(speed, dead_zone)
         self._state = SpaceMouseState()
         self._heard = -math.inf

@@ -20,7 +20,7 @@ from otwarp.errors import InputError
 from otwarp.haptics.core.config import HapticsConfig
 from otwarp.haptics.core.realtime import favour
 from otwarp.haptics.core.shared_memory import Mailbox
-from otwarp.haptics.devices import parse_devices, probe_devices
+from otwarp.haptics.devices import KINDS, parse_devices, probe_devices
 from otwarp.haptics.devices.mouse import POINTER
 from otwarp.record.summary import statistics, strict, task
 from otwarp.scene import Scene
@@ -168,6 +168,9 @@ class Session:
                 if self._boxes and o.page is None:
                     hand = next(iter(self._boxes))
                     raise InputError(f"--{hand} is 'mouse'; allowed with the page, which has the mouse")
+                for spec, plan in zip(specs, plans, strict=True):
+                    if caution := KINDS[spec.kind].caution:
+                        say(f"{plan.name:<9} {spec.text}: {caution}")
                 probe_devices(specs)
             scene, speed = self._reduced(scene, hands=bool(plans))
             plans = slowed(plans, speed)

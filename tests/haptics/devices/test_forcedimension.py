@@ -46,7 +46,7 @@ def device(dhd, clock):
 
 def test_positions_buttons_and_axes_are_ours(device, dhd):
     assert isinstance(device, Device)
-    assert (device.info.kind, device.info.force, device.info.met_hardware) == ("forcedimension", 12.0, False)
+    assert (device.info.kind, device.info.force) == ("forcedimension", 12.0)
     dhd.robots[0].position, dhd.robots[0].buttons = (0.01, 0.02, 0.03), 0b10  # towards the user, right, up
     dhd.turn(dhd.robots[0], 3)
     sample = device.read(2.0)

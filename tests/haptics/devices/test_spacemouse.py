@@ -136,7 +136,6 @@ def test_full_deflection_moves_at_full_speed_right_up_and_towards_the_user(repor
     assert end.position == pytest.approx(tuple(SPEED * w for w in way), abs=ROUNDING)
     assert not hand.info.absolute
     assert hand.info.force == 0.0
-    assert not hand.info.met_hardware
 
 
 def test_half_way_beyond_the_dead_zone_is_half_the_speed_and_within_it_is_rest():

@@ -62,7 +62,7 @@ def test_millimetres_become_metres(opened):
     assert sample.position == pytest.approx((0.010, -0.020, 0.030), abs=1e-15)
     assert sample.fresh and sample.buttons == 0
     assert not device.read(PERIOD).fresh
-    assert isinstance(device, Device) and device.info.kind == "ros1" and not device.info.met_hardware
+    assert isinstance(device, Device) and device.info.kind == "ros1"
 
 
 def test_buttons_of_both_topics(opened):
