@@ -121,12 +121,12 @@ def test_interfaces_of_ones_own(expect_law, tmp_path, device, depth, branches, s
 @pytest.mark.validate
 @pytest.mark.parametrize(
     ("depth", "speed", "branches", "step"),
-    [(6.0, 2.0, 1_400, 0.01), (14.0, 5.0, 8_000, 0.01), (25.0, 8.0, 30_000, 0.02)],
+    [(8.0, 2.5, 2_500, 0.01), (14.0, 5.0, 8_000, 0.01), (25.0, 8.0, 30_000, 0.02)],
 )
 def test_a_dragged_trap(expect_law, tmp_path, device, depth, speed, branches, step):
     """Rate of escapes × mean exit time = 1 within 3 %, of the equation in the trap's frame, F = −k r − γ v ẑ.
 
-    A mean exit time counts from the centre of the trap, where the bead starts.
+    A mean exit time counts from the centre of the trap: what it takes to lag behind is another 1 % of it.
 
     Source: Gardiner 2009, Stochastic Methods, §5.5; Scharfetter & Gummel 1969, doi:10.1109/T-ED.1969.16566.
     """
@@ -137,12 +137,12 @@ def test_a_dragged_trap(expect_law, tmp_path, device, depth, speed, branches, st
     what = f"from {depth:g} k_B T dragged at {speed:g} µm/s"
     still = mean_exit_time(lambda r: -k * r, RIM, diffusion=ENERGY / DRAG, energy=ENERGY)
     assert exact.value < 0.9 * still.value, "the drag must matter"
-    bias = step + exact.error / exact.value
+    bias = step + 0.01 + exact.error / exact.value
     expect(expect_law, what, exact.value * rates, bias=bias)
 
 
 @pytest.mark.validate
-@pytest.mark.parametrize(("depth", "branches"), [(5.0, 600), (10.0, 5_000), (20.0, 20_000), (30.0, 60_000)])
+@pytest.mark.parametrize(("depth", "branches"), [(5.0, 600), (10.0, 8_000), (20.0, 26_000), (30.0, 70_000)])
 def test_a_tabulated_trap(expect_law, device, depth, branches):
     """Rate of escapes × mean exit time = 1 within 3 %, of exact forces, which are not conservative.
 
