@@ -79,7 +79,7 @@ def place(
         InputError: The first interface is never crossed, or a start is beyond it.
     """
     groups, m = len(layout.runs), layout.branches
-    found, samples, start = settled(ensemble, layout.of_life, m, window=window)
+    found, samples, start = settled(ensemble, layout.of_life, m, window=window, known=relax is not None)
     if interfaces is not None and np.any(start >= interfaces[0]):
         raise InputError(f"the scene starts at {ensemble.order.name} = {start.max():.4g}, beyond the first interface, "
                          f"{interfaces[0]:g}; allowed: a start in the basin, or interfaces farther out")  # fmt: skip

@@ -13,6 +13,7 @@ from otwarp.bench.integrators.fokker_planck import mean_exit_time
 from otwarp.cli.main import main
 from otwarp.errors import InputError
 from otwarp.studies.file import load_study
+from otwarp.studies.rare import basin
 from otwarp.studies.rare.orders import distance
 from otwarp.studies.rare.results import interval_of_mean
 from otwarp.studies.rare.study import EscapeStudy
@@ -155,6 +156,17 @@ def test_in_a_trap_that_is_softer_along_the_beam(tmp_path, order):
     error = rates.std(ddof=1) / rates.mean() / np.sqrt(len(rates))
     assert error < 0.03
     assert abs(rates.mean() * exact.value - 1.0) < 5.0 * error + 0.02 + exact.error / exact.value
+
+
+@pytest.mark.thorough
+def test_a_time_to_relax_that_is_given_is_believed(tmp_path, monkeypatch):
+    """Where the pilot never finds that the order parameter has settled the error names what then helps."""
+    monkeypatch.setattr(basin, "KOLMOGOROV", 0.0)
+    moving, how = bead_in_a_well(tmp_path, speed=2.0), {"runs": 2, "branches": 64}
+    with pytest.raises(InputError, match=r"has not settled .*; allowed: relax="):
+        at(moving, 8.0, **how).compute([0], device="cpu")
+    found = at(moving, 8.0, relax=0.1, **how).compute([0], device="cpu")[0]
+    assert np.all(found["rate_of_trial"] > 0.0)
 
 
 @pytest.mark.thorough
