@@ -11,15 +11,14 @@ from __future__ import annotations
 import argparse
 import json
 import re
-from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from scipy.stats import binomtest
 
+from benchmarks.envs_played import OUT, Table, others_of, rate_of, time_of
 from benchmarks.report import commit, positive, run, save_page
 from benchmarks.validation import put_on_page
 from examples import train_ppo
@@ -34,14 +33,12 @@ from otwarp.envs.experts.servo import ConstantPower, PowerServo, SpacingServo
 from otwarp.envs.experts.strides import STRIDE, Strider
 from otwarp.envs.layout import Layout
 from otwarp.envs.registration import task_of
-from otwarp.envs.rollout import Rollout, run_policy
 from otwarp.envs.task import Policy, Task
 from otwarp.files import written
 from otwarp.operators.population import load_population
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "benchmarks" / "envs_learning.md"
-OUT = ROOT / "out" / "envs_learning"
 BEGIN, END = "<!-- begin envs_learning {} -->", "<!-- end envs_learning {} -->"
 LEARNT, CARRIED = "otwarp/Navigate-v0", "otwarp/CellDelivery-v0"
 PICTURES = {
@@ -53,8 +50,6 @@ TARGET = 0.985
 PARTS = ("ppo", "scripts", "shared", "noise", "delivery")
 LOAD = re.compile(r"load (\d+\.?\d*)")
 """What a result says of the machine that differs from seed to seed."""
-SEED = 3_000_000_000
-"""Of the first episode of scripts: no policy has trained with it."""
 
 AUTHORITIES = (0.0, 0.25, 0.5, 0.75, 1.0)
 OPERATOR_SPEED = 25.0
@@ -117,60 +112,34 @@ class Noisy:
 def noise_table(episodes: int, device: str) -> str:
     """The script of the cell delivery with noise on the velocities of its hands."""
     task = task_of(CARRIED)
-    lines = [
+    table = Table(
         f"| noise: common, relative (1 is 30 µm/s) | success in {episodes} episodes, 95 % interval | mean length | "
         "how the others ended |",
         "|---|---:|---:|---|",
-    ]
+        device,
+    )
     for common, relative in NOISES:
         make = lambda common=common, relative=relative: Noisy(Carrier(), common, relative)  # noqa: E731
-        found = played(task, f"noise {common:g} {relative:g}", make, episodes, device)
+        found = table.played(task, f"noise {common:g} {relative:g}", make, episodes)
         length = f"{found.periods.mean() / task.rate:.1f} s"
-        lines.append(f"| {common:g}, {relative:g} | {_rate(found)} | {length} | {_others(task, found)} |")
-    return "\n".join(lines)
-
-
-def played(task: Task, said: str, make: Callable[[], Policy], episodes: int, device: str) -> Rollout:
-    """Episodes of a script, run now if they have not been."""
-    file = OUT / f"{''.join(c if c.isalnum() else '_' for c in said)}_{episodes}.npz"
-    if not file.is_file():
-        print(f"{said}: {episodes} episodes", flush=True)
-        file.parent.mkdir(parents=True, exist_ok=True)
-        found = run_policy(task, make(), episodes=episodes, seed=SEED, device=device)
-        with written(file, f"out/{file.name}") as part, part.open("wb") as stream:
-            np.savez(stream, **vars(found))
-    with np.load(file) as kept:
-        return Rollout(**dict(kept))
+        table.lines.append(f"| {common:g}, {relative:g} | {rate_of(found)} | {length} | {others_of(task, found)} |")
+    return str(table)
 
 
 def scripts_table(episodes: int, device: str) -> str:
     """Successes of every script."""
-    lines = [
+    table = Table(
         f"| task | script | success in {episodes} episodes, 95 % interval | s to success | how the others ended |",
         "|---|---|---:|---:|---|",
-    ]
+        device,
+    )
     for name, scripts in SCRIPTS.items():
         for said, make in scripts.items():
             task = task_of(name)
-            found = played(task, f"{name} {said}", make, episodes, device)
-            lines.append(f"| `{name}` | {said} | {_rate(found)} | {_time(task, found)} | {_others(task, found)} |")
-    return "\n".join(lines)
-
-
-def _rate(found: Rollout) -> str:
-    interval = binomtest(int(found.success.sum()), len(found.success)).proportion_ci(0.95, method="exact")
-    return f"{found.rate:.3f} [{interval.low:.3f}, {interval.high:.3f}]"
-
-
-def _time(task: Task, found: Rollout) -> str:
-    return f"{found.periods[found.success].mean() / task.rate:.1f}" if found.success.any() else "–"
-
-
-def _others(task: Task, found: Rollout) -> str:
-    """Ends that were not wanted, the most frequent first."""
-    names = {-1: "fault", 0: "out of time"} | {n: end.name for n, end in enumerate(task.ends, start=1)}
-    counts = Counter(names[int(code)] for code in found.outcome[~found.success])
-    return ", ".join(f"{name} {count}" for name, count in counts.most_common()) or "–"
+            found = table.played(task, f"{name} {said}", make, episodes)
+            counted = f"{rate_of(found)} | {time_of(task, found)} | {others_of(task, found)}"
+            table.lines.append(f"| `{name}` | {said} | {counted} |")
+    return str(table)
 
 
 def learnt(
@@ -243,17 +212,20 @@ def shared_table(episodes: int, device: str) -> str:
     task, population = task_of(LEARNT), load_population()
     drawn = dict(zip(population.names, population.draw(0, np.arange(episodes)).T, strict=True))
     traits = {"delay": drawn["visual_delay"], "interval": drawn["interval"], "noise": drawn["motor_noise"]}
-    lines = [
+    table = Table(
         f"| share of the policy | success in {episodes} episodes, 95 % interval | s to success | "
         "how the others ended |",
         "|---:|---:|---:|---|",
-    ]
+        device,
+    )
     for authority in AUTHORITIES:
         operator = Operator(ShortestPath(speed=OPERATOR_SPEED, margin=2.0, spacing=3.0), task.rate, **traits)
         mixed = Shared(Trained(OUT / "seed_0" / "policy.pt", task), operator, authority)
-        found = played(task, f"shared {authority:g}", lambda mixed=mixed: mixed, episodes, device)
-        lines.append(f"| {authority:.2f} | {_rate(found)} | {_time(task, found)} | {_others(task, found)} |")
-    return "\n".join(lines)
+        found = table.played(task, f"shared {authority:g}", lambda mixed=mixed: mixed, episodes)
+        table.lines.append(
+            f"| {authority:.2f} | {rate_of(found)} | {time_of(task, found)} | {others_of(task, found)} |"
+        )
+    return str(table)
 
 
 def draw(env: str, trainings: dict[int, tuple[dict[str, Any], list[dict[str, Any]]]], path: Path) -> None:
@@ -314,20 +286,21 @@ def places(where: dict[int, str]) -> str:
     return "  \n".join(lines)
 
 
-def beside(episodes: int, device: str) -> str:
-    """The policy of seed 0 beside the script of the cell delivery, in the same new episodes."""
+def beside(episodes: int, device: str, play: str) -> str:
+    """The policy of seed 0, trained on `device`, beside the script of the cell delivery, in the same new episodes."""
     task = task_of(CARRIED)
-    lines = [
+    table = Table(
         f"| policy | success in {episodes} episodes, 95 % interval | s to success | how the others ended |",
         "|---|---:|---:|---|",
-    ]
+        play,
+    )
     for said, make in (
         ("both hands on the path, 19 µm/s", Carrier),
         ("trained, seed 0", lambda: Trained(OUT / f"{kind_of(CARRIED, device)}_0" / "policy.pt", task)),
     ):
-        found = played(task, f"{kind_of(CARRIED, device)} {said}", make, episodes, device)
-        lines.append(f"| {said} | {_rate(found)} | {_time(task, found)} | {_others(task, found)} |")
-    return "\n".join(lines)
+        found = table.played(task, f"{kind_of(CARRIED, device)} {said}", make, episodes)
+        table.lines.append(f"| {said} | {rate_of(found)} | {time_of(task, found)} | {others_of(task, found)} |")
+    return str(table)
 
 
 def main() -> None:
@@ -342,6 +315,7 @@ def main() -> None:
     add("--delivery-seeds", type=positive, default=1, help="trainings at CellDelivery (default: 1)")
     add("--delivery-minutes", type=float, default=50.0, help="of wall time for each (default: 50)")
     add("--delivery-envs", type=int, default=0, help="environments at once; thousands on a GPU (default: the recipe's)")
+    add("--play", help="device where the trained policy plays beside the script (default: that of its training)")
     add("--write", action="store_true", help=f"write docs/benchmarks/{PAGE.name} and its pictures")
     given = parser.parse_args()
     if "shared" in given.only:
@@ -351,7 +325,9 @@ def main() -> None:
         "scripts": lambda: scripts_table(given.episodes, given.device),
         "shared": lambda: shared_table(max(given.episodes // 2, 1), given.device),
         "noise": lambda: noise_table(given.episodes, given.device),
-        "delivery": lambda: f"{trained(CARRIED, given)}\n\n{beside(given.episodes, given.device)}",
+        "delivery": lambda: (
+            f"{trained(CARRIED, given)}\n\n{beside(given.episodes, given.device, given.play or given.device)}"
+        ),
     }
     page = PAGE.read_text(encoding="utf-8")
     for name in given.only:

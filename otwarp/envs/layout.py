@@ -10,6 +10,7 @@ import warp as wp
 
 from otwarp.envs.kernels.control import HandData
 from otwarp.envs.kernels.judge import NumberData, Reading, judge_kernels
+from otwarp.envs.kernels.observe import observe_kernel
 from otwarp.envs.kernels.specialise import finds_gap, for_shapes, gap_parameters
 from otwarp.envs.task import Task
 from otwarp.envs.terms import OWNERS, Term
@@ -110,23 +111,33 @@ class Layout:
             first += width
         return found
 
+    @property
+    def _shapes(self) -> tuple[str, ...]:
+        """Shapes of the scene's obstacles, for which terms are made."""
+        return tuple(sorted({o.shape for o in self.scene.obstacles})) or ("plane",)
+
+    def _aimed(self, terms: tuple[Term, ...]) -> tuple[WorldFunction, ...]:
+        """The functions of terms for these shapes, on the bodies and traps of the scene."""
+        made = [for_shapes(t.function.function, self._shapes, self._gaps_known(t)) for t in terms]
+        return tuple(
+            replace(t.function, function=f, whole=t.whole(self.scene)) for t, f in zip(terms, made, strict=True)
+        )
+
+    def _seen(self) -> tuple[tuple[Reading, ...], tuple[str, ...], bool]:
+        """What is observed, the shapes for which, and whether a gap is among it."""
+        terms = self.task.observations
+        seen = zip(self._aimed(terms), terms, strict=True)
+        readings = tuple(Reading(function, t.components) for function, t in seen)
+        return readings, self._shapes, any(finds_gap(t.function.function) for t in terms)
+
     def kernels(self) -> tuple[wp.Kernel, wp.Kernel]:
         """What judges periods and starts worlds anew, compiled for the indices of the terms and the shapes."""
+        readings, shapes, gaps_seen = self._seen()
+        return judge_kernels(readings, self._aimed(self.task.rewards), self._aimed(self.task.ends), shapes, gaps_seen)
 
-        shapes = tuple(sorted({o.shape for o in self.scene.obstacles})) or ("plane",)
-
-        def aimed(terms: tuple[Term, ...]) -> tuple[WorldFunction, ...]:
-            """Their functions for these shapes, on the bodies and traps of the scene."""
-            made = [for_shapes(t.function.function, shapes, self._gaps_known(t)) for t in terms]
-            return tuple(
-                replace(t.function, function=f, whole=t.whole(self.scene)) for t, f in zip(terms, made, strict=True)
-            )
-
-        task = self.task
-        seen = zip(aimed(task.observations), task.observations, strict=True)
-        readings = tuple(Reading(function, t.components) for function, t in seen)
-        gaps_seen = any(finds_gap(t.function.function) for t in task.observations)
-        return judge_kernels(readings, aimed(task.rewards), aimed(task.ends), shapes, gaps_seen)
+    def observe_kernel(self) -> wp.Kernel:
+        """What observes worlds and does nothing else."""
+        return observe_kernel(*self._seen())
 
     def _bodies_named(self, term: Term) -> dict[str, int]:
         """Bodies that the parameters of a term name, by parameter."""
