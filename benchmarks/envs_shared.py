@@ -1,11 +1,13 @@
-"""Shared control of the cell delivery: a scripted policy beside the full SIMULATED operators of `otwarp.operators`.
+"""Shared control of the cell delivery: a policy beside the full SIMULATED operators of `otwarp.operators`.
 
 Operators have their eyes' and muscles' delays and noise, arms, and the servo's haptic chains at 1 kHz; beside them the
-script of `CellDelivery` moves both hands by what it sees 20 times a second. In every servo period the traps go on by
-(1 − a) of what the chain makes of the hand, and by a of what the policy wants; the chain is told where they have come
-to, so that hands feel the traps where they are, and operators see the difference and take it back as any other.
+script of `CellDelivery`, or what was trained at it, moves both hands by what it sees 20 times a second. In every servo
+period the traps go on by (1 − a) of what the chain makes of the hand, and by a of what the policy wants; the chain is
+told where they have come to, so that hands feel the traps where they are, and operators see the difference and take it
+back as any other.
 
-`python -m benchmarks.envs_shared [--write]` puts the tables on docs/benchmarks/envs_learning.md.
+`python -m benchmarks.envs_shared [--write]` puts the tables on docs/benchmarks/envs_learning.md; that of the trained
+policy is of the training that `python -m benchmarks.envs_learning --only delivery` has kept, or `--training` names.
 """
 
 from __future__ import annotations
@@ -19,12 +21,18 @@ import numpy as np
 import warp as wp
 from scipy.stats import binomtest
 
+from benchmarks.envs_learning import CARRIED, Trained
+from benchmarks.envs_played import OUT
 from benchmarks.report import commit, positive, run, save_page
 from benchmarks.validation import put_on_page
 from otwarp.bench.machine import Machine
 from otwarp.device import pick_device
 from otwarp.envs.experts.delivery import SPEED_LIMIT, Carrier
+from otwarp.envs.experts.policies import Seen
+from otwarp.envs.observer import Observer
+from otwarp.envs.registration import task_of
 from otwarp.envs.task import Policy
+from otwarp.errors import InputError
 from otwarp.operators.kernels.chain_data import MotionState
 from otwarp.operators.kernels.types import TaskData
 from otwarp.operators.loop import Loop
@@ -44,6 +52,7 @@ CUBE, NEAR_CUBE = "/World/Obstacles/cube_2", 110.0
 """A moving obstacle, and how far along the path a cell is just before it [µm]."""
 CHANGED = ("nothing", f"no {CUBE.rsplit('/', 1)[-1]}", "operators correct nothing that they see")
 """What differs in the trials that say why robots are lost."""
+PARTS = ("operators", "reasons", "trained")
 
 
 @wp.kernel(enable_backward=False)
@@ -101,15 +110,19 @@ class SharedLoop(Loop):
         )  # fmt: skip
         super().command_traps()
 
-    def decide(self, *, first: bool) -> None:
-        """Let the policy look, and lend its velocities."""
-        sim, worlds = self.sim, self.sim.model.worlds
-        place = sim.state.position.numpy()[:, self.task.cell]
+    def look(self) -> Seen:
+        """What the policy sees."""
+        place = self.sim.state.position.numpy()[:, self.task.cell]
         seen = {f"body_position.{axis}": place[:, i].astype(float) for i, axis in enumerate("xy")}
-        seen["time_left"] = self.task.duration - sim.episodes.time
-        action = self.policy(seen, np.full(worlds, first))
+        return {**seen, "time_left": self.task.duration - self.sim.episodes.time}
+
+    def decide(self, *, first: bool) -> None:
+        """Let the policy look, and lend its velocities; a hand's vector longer than 1 counts as one of length 1."""
+        worlds = self.sim.model.worlds
+        action = self.policy(self.look(), np.full(worlds, first)).reshape(worlds, -1, 2)
+        action = action / np.maximum(np.linalg.norm(action, axis=2, keepdims=True), 1.0)
         velocity = np.zeros((worlds, len(self.task.plans), 3))
-        velocity[:, :, :2] = SPEED_LIMIT * action.reshape(worlds, -1, 2)
+        velocity[:, :, :2] = SPEED_LIMIT * action
         self.lent.assign(velocity)
 
     def finish(self, carrier: Carrier) -> np.ndarray:
@@ -130,6 +143,28 @@ class SharedLoop(Loop):
         return arrived
 
 
+class LearntLoop(SharedLoop):
+    """The same with a policy that sees all that an environment of `CellDelivery` shows."""
+
+    def look(self) -> Seen:
+        """What the environment would show."""
+        seen = self.observer.look()
+        return {column.name: column.scale * seen[:, n] for n, column in enumerate(self.observer.layout.seen)}
+
+    def prepare(self, local: Any) -> None:
+        """As `SharedLoop`."""
+        super().prepare(local)
+        self.observer = Observer(task_of(CARRIED), self.sim)
+
+    def deliver(self) -> None:
+        """Go on until nobody is at work any more."""
+        decisions = 0
+        while decisions % LOOK or self.running:
+            self.decide(first=decisions == 0)
+            self.run(1.0 / RATE)
+            decisions += 1
+
+
 def study(operators: int, condition: str, without: str = "") -> OperatorStudy:
     """Who takes part, in the shipped scene or in one without an obstacle."""
     scene = Scene.load(ROOT / "scenes" / "cell_delivery.usda")
@@ -145,11 +180,24 @@ def trials(
     if not correct:
         people["correction"] = 0.0
     speed = float(np.linalg.norm(np.diff(task.path[0], axis=0), axis=1).sum() / task.end)
-    how = {"seed": asked.seed, "device": device, "time_step": asked.time_step, "frame_rate": asked.frame_rate}
     carrier = Carrier(speed=speed)
-    loop = SharedLoop(task, people, carrier, authority, **how)
+    loop = SharedLoop(task, people, carrier, authority, **how_of(asked, device))
     arrived = loop.finish(carrier)
     return loop.sim.episodes.done.numpy(), arrived
+
+
+def how_of(asked: OperatorStudy, device: str) -> dict[str, Any]:
+    """What a loop takes of a study."""
+    return {"seed": asked.seed, "device": device, "time_step": asked.time_step, "frame_rate": asked.frame_rate}
+
+
+def learnt_trials(asked: OperatorStudy, policy: Policy, authority: float, device: str) -> tuple[np.ndarray, np.ndarray]:
+    """(n) outcomes of all operators beside a trained policy, and times of deliveries [s], NaN for none."""
+    people = asked.persons(np.arange(asked.count))
+    loop = LearntLoop(asked.task, people, policy, authority, **how_of(asked, device))
+    loop.deliver()
+    outcome = loop.sim.episodes.done.numpy()
+    return outcome, np.where(outcome == REACHED, loop.sim.episodes.time, np.nan)
 
 
 def row(first: str, second: str, outcome: np.ndarray, arrived: np.ndarray) -> str:
@@ -165,11 +213,11 @@ def row(first: str, second: str, outcome: np.ndarray, arrived: np.ndarray) -> st
     return f"| {first} | {second} | {delivered} | {error:.3f} | {others or '–'} | {when} |"
 
 
-def head(first: str, second: str, operators: int) -> list[str]:
+def head(first: str, second: str, operators: int, until: str = "the cube") -> list[str]:
     """Head of a table."""
     return [
         f"| {first} | {second} | delivered of {operators}, 95 % interval | standard error | how the others ended | "
-        "s to the cube, middle half |",
+        f"s to {until}, middle half |",
         "|---|---|---:|---:|---|---:|",
     ]
 
@@ -181,6 +229,21 @@ def table(operators: int, device: str) -> str:
         for authority in AUTHORITIES:
             print(f"{condition}, {authority:g}", flush=True)
             lines.append(row(f"{authority:.2f}", condition, *trials(study(operators, condition), authority, device)))
+    return "\n".join(lines)
+
+
+def trained_table(operators: int, device: str, training: Path) -> str:
+    """Deliveries by authority of a trained policy, with and without haptics."""
+    weights = training / "policy.pt"
+    if not weights.is_file():
+        raise InputError(f"{weights}: no such file; allowed: a folder of examples/train_ppo.py at {CARRIED}")
+    policy = Trained(weights, task_of(CARRIED))
+    lines = head("share of the policy", "haptics", operators, "the goal")
+    for condition in ("without", "with"):
+        for authority in AUTHORITIES:
+            print(f"trained, {condition}, {authority:g}", flush=True)
+            found = learnt_trials(study(operators, condition), policy, authority, device)
+            lines.append(row(f"{authority:.2f}", condition, *found))
     return "\n".join(lines)
 
 
@@ -199,19 +262,28 @@ def reasons(operators: int, device: str, authority: float = 0.75) -> str:
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description="Shared control with full SIMULATED operators at the cell delivery.")
+    parser.add_argument("--only", choices=PARTS, nargs="+", default=PARTS, help="tables (default: all)")
     parser.add_argument("--device", default="cpu", help="cpu (default) or cuda:0")
     parser.add_argument("--operators", type=positive, default=64, help="each at every share (default: 64)")
+    parser.add_argument(
+        "--training", type=Path, default=OUT / "delivery_cuda_0",
+        help="folder of examples/train_ppo.py with the policy (default: out/envs_learning/delivery_cuda_0)",
+    )  # fmt: skip
     parser.add_argument("--write", action="store_true", help=f"write docs/benchmarks/{PAGE.name}")
     given = parser.parse_args()
-    machine = Machine.look(pick_device(given.device))
-    parts = {"operators": table(given.operators, given.device), "reasons": reasons(given.operators, given.device)}
-    parts["reasons"] += f"\n\nCommit {commit()}, {machine.name()}."
-    page = PAGE.read_text(encoding="utf-8")
-    for name, text in parts.items():
-        print(text)
-        page = put_on_page(page, text, BEGIN.format(name), END.format(name))
-    if given.write:
-        save_page(PAGE, page)
+    where = f"Commit {commit()}, {Machine.look(pick_device(given.device)).name()}."
+    makes = {
+        "operators": lambda: table(given.operators, given.device),
+        "reasons": lambda: reasons(given.operators, given.device),
+        "trained": lambda: trained_table(given.operators, given.device, given.training),
+    }
+    for name in given.only:
+        text = f"{makes[name]()}\n\n{where}"
+        print(text, flush=True)
+        # read anew: a table takes minutes
+        page = put_on_page(PAGE.read_text(encoding="utf-8"), text, BEGIN.format(name), END.format(name))
+        if given.write:
+            save_page(PAGE, page)
 
 
 if __name__ == "__main__":

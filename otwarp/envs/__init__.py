@@ -7,6 +7,7 @@ task           `Task`, `Hand`, `Shift`: what an environment is made of
 terms          what is observed, what is earned, and what ends an episode
 layout         what the numbers of observations and actions are
 batch          worlds on a device: actions in, a period of control, verdicts out, as one graph
+observer       what a learner would see of worlds that something else steps
 scenes         the shipped scenes, as tasks step them
 places         a task's scene as terms read it
 variants       randomised parameters: a table of them

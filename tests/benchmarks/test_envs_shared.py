@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 pytest.importorskip("gymnasium")
+pytest.importorskip("torch")
 
-from benchmarks.envs_shared import CUBE, SPEED_LIMIT, SharedLoop, row, study
+from benchmarks.envs_shared import CUBE, SPEED_LIMIT, LearntLoop, SharedLoop, row, study
 from otwarp.operators.loop import Loop
 
 ASKED = study(2, "with")
@@ -52,6 +53,25 @@ def test_shares_add_up_and_hands_feel_the_traps_where_they_are(device):
         assert np.allclose(way[authority], carried[:, hands], atol=1e-4)
     assert np.allclose(way[1.0], [0.6, 0.0, 0.0], atol=2e-3)
     assert np.all(np.abs(way[0.5][..., 0] - 0.3) < 0.25)
+
+
+def test_a_trained_policy_sees_what_its_environment_shows_and_is_no_faster_than_there(device):
+    seen_in = []
+
+    def policy(seen, fresh):
+        seen_in.append(seen)
+        return np.tile([3.0, 4.0, 0.0, 0.0], (len(fresh), 1))
+
+    how = {"seed": 1, "device": device}
+    loop = LearntLoop(ASKED.task, ASKED.persons(np.arange(2)), policy, 1.0, **how)
+    start = foci(loop).copy()
+    for n in range(2):
+        loop.decide(first=n == 0)
+        loop.run(0.05)
+    assert list(seen_in[0]) == [column.name for column in loop.observer.layout.seen]
+    assert np.allclose([seen["time_left"] for seen in seen_in], [[20.0], [19.95]])
+    way = (foci(loop) - start)[:, loop.people.task.hand_of.numpy() == 0]
+    assert np.allclose(way, SPEED_LIMIT * 0.1 * np.array([0.6, 0.8, 0.0]), atol=2e-3)
 
 
 def test_a_row_counts_outcomes():
