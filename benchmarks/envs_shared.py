@@ -10,6 +10,9 @@ back as any other.
 policy is of the training that `python -m benchmarks.envs_learning --only delivery` has kept, or `--training` names.
 """
 
+# pyright: reportInvalidTypeForm=false, reportGeneralTypeIssues=false, reportAssignmentType=false
+# a kernel is Warp code, whose annotations are values
+
 from __future__ import annotations
 
 import argparse
