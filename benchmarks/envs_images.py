@@ -1,4 +1,5 @@
-"""Images as observations of environments: milliseconds of one, by task, size and binning, and of the step before it."""
+"""Images of environments: milliseconds of one as an observation, by task, size and binning, and of the step before it;
+pictures a second of the render mode `rgb_array`, by size."""
 
 from __future__ import annotations
 
@@ -14,6 +15,7 @@ from otwarp.bench.timing import Quartiles, elapsed
 from otwarp.device import pick_device
 from otwarp.envs.batch import Batch
 from otwarp.envs.images import Images
+from otwarp.envs.picture import Picture
 from otwarp.envs.registration import task_of
 
 MEASURED = ("otwarp/Navigate-v0", "otwarp/Push-v0", "otwarp/Orient-v0", "otwarp/CellDelivery-v0")
@@ -22,7 +24,9 @@ SIZES = ((64, 1), (64, 2), (64, 4), (84, 2), (128, 1))
 WARM_UP, PERIODS = 2, 3
 """Periods before those that are timed, and of a round."""
 
-
+DRAWN = ("otwarp/Navigate-v0", "otwarp/CellDelivery-v0")
+PICTURE_SIZES = ((240, 180), (480, 360), (960, 720))
+"""Width and height of pictures [pixels]."""
 MANY = 16
 """Environments whose images are taken at once, beside one."""
 
@@ -41,6 +45,30 @@ def costs(name: str, device: Any, rounds: int, size: int, binning: int, worlds: 
             found[what] += [seconds / worlds] if n >= WARM_UP else []
     field = size * binning * images.camera.pixel_size
     return {"field": field, **{what: Quartiles.of(seconds) for what, seconds in found.items()}}
+
+
+def pictures(device: Any, rounds: int, data: dict[str, Any]) -> Table:
+    """Pictures a second as `render()` draws them, and how fast a video of the control's rate is made of them."""
+    rows = []
+    for name in DRAWN:
+        task = task_of(name)
+        batch = Batch(task, 1, device=device, autoreset="off")
+        batch.restart(seeds=np.arange(1))
+        for size in PICTURE_SIZES:
+            draw = partial(Picture(batch, size).draw, 0)
+            draw()
+            times = Quartiles.of([elapsed(draw, device).wall for _ in range(rounds)])
+            rate = 1.0 / times.median
+            rows.append((f"`{name}`", "{} × {}".format(*size), times.times(1e3).text(".3g"), f"{rate:.3g}",
+                         f"{rate / task.rate:.2g}"))  # fmt: skip
+            data[f"picture {name} {size[0]}"] = vars(times)
+    return Table(
+        title="Pictures of `rgb_array`",
+        head=("task", "pixels", "picture [ms]", "pictures/s", "over the control's rate"),
+        rows=rows,
+        note="`Env.render()` draws 480 × 360. The last column is how much faster than it plays a video is drawn that "
+        "has a picture of every period. Median and quartiles of wall time.",
+    )
 
 
 def measure(device: str = "cpu", *, rounds: int = 5) -> Section:
@@ -70,7 +98,8 @@ def measure(device: str = "cpu", *, rounds: int = 5) -> Section:
         note="Of one environment, and of several: a GPU computes their images together, a CPU one after the other. "
         "Median and quartiles.",
     )
-    return Section(name="envs_images", kind=kind, machine=Machine.look(place), tables=[table], data=data)
+    tables = [table, pictures(place, rounds, data)]
+    return Section(name="envs_images", kind=kind, machine=Machine.look(place), tables=tables, data=data)
 
 
 if __name__ == "__main__":

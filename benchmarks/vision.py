@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import warp as wp
 
 from benchmarks import vision_limits
 from benchmarks.peers import deeptrack_sphere
 from benchmarks.report import Section, command
+from benchmarks.vision_speed import FOCUS, RUNGS, label, sizes, times
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import NOTHING, Table
 from otwarp.device import pick_device
@@ -25,25 +24,13 @@ from otwarp.vision.illumination import Illumination, illumination
 from otwarp.vision.image import images, images_many
 from otwarp.vision.microscope import Microscope
 from otwarp.vision.propagation import propagate, propagate_many
-from otwarp.vision.slices import Method
 from otwarp.vision.specimen import Specimen
 
 GRID = Grid(128, 128, 128, 128, 0.11)
 """Light and pixels on one grid, so that every method is looked at in the same points."""
 
-RUNGS: tuple[tuple[Method, float], ...] = (
-    ("two_index", 0.2),
-    ("two_index", 0.1),
-    ("two_index", 0.05),
-    ("beam", 0.1),
-    ("projection", 0.1),
-)
 SPHERES = ((0.5, 1.38), (0.5, 1.59), (1.0, 1.38), (1.0, 1.52), (1.0, 1.59), (2.5, 1.38), (2.5, 1.59))
 LEAN = np.radians(30.0)
-LEANING = np.outer(np.linspace(-1.75, 1.75, 5), (0.5**0.5, 0.0, 0.5**0.5))
-"""Centres of a robot's spheres [µm]."""
-TOGETHER = 32
-"""Poses that a GPU is timed with."""
 PAIRS = {
     "along z": (0.0, 0.0, 1.0),
     "22.5° from z": (np.sin(np.pi / 8), 0.0, np.cos(np.pi / 8)),
@@ -52,13 +39,7 @@ PAIRS = {
     "67.5° from z": (np.cos(np.pi / 8), 0.0, np.sin(np.pi / 8)),
     "side by side": (1.0, 0.0, 0.0),
 }
-FOCUS = np.linspace(-6.0, 6.0, 9)
 APERTURES = (0.0, 0.3, 0.5)
-
-
-def label(rung: tuple[Method, float]) -> str:
-    """Of a rung in a table."""
-    return f"{rung[0].replace('_', '-')}, {rung[1]:g} µm"
 
 
 def compared(
@@ -123,45 +104,14 @@ def measure(
     if place.is_cpu:
         tables = [table for aperture in apertures for table in accuracy(aperture, fourier, data)]
         tables += [table(fourier, data) for table in vision_limits.TABLES]
-        tables += [_times(fourier, rounds, data), beside_deeptrack(fourier, rounds, data)]
+        tables += [times(fourier, rounds, data), sizes(fourier, rounds, data), beside_deeptrack(fourier, rounds, data)]
     else:  # the same physics: what is to be shown is that it is
-        tables = [away_from_cpu(fourier, data), _times(fourier, rounds, data)]
+        tables = [away_from_cpu(fourier, data), times(fourier, rounds, data), sizes(fourier, rounds, data)]
     if figure is not None:
         draw(figure, apertures, data)
     kind = "cpu" if place.is_cpu else "cuda"
     asked = "" if tuple(apertures) == APERTURES else f"--apertures {' '.join(f'{a:g}' for a in apertures)}"
     return Section(name="vision", kind=kind, machine=Machine.look(place), tables=tables, data=data, asked=asked)
-
-
-def _times(fourier: Fourier, rounds: int, data: dict[str, Any]) -> Table:
-    """Processor time on a CPU, wall time on a GPU: least of some rounds; on a GPU of many poses together as well."""
-    grid = Grid(128, 128, 128, 128, 0.16)
-    microscope = Microscope(condenser_aperture=0.4)
-    light = illumination(microscope, grid.length)
-    robots = [leaning(azimuth) for azimuth in np.arange(TOGETHER) * np.pi / TOGETHER]
-    together, rows = (1, TOGETHER) if fourier.device.is_cuda else (1,), []
-    for method, thickness in RUNGS:
-        cells = []
-        for count in together:
-            some = robots[:count]
-            lead = partial(propagate_many, some, microscope, light, grid, fourier, method=method, thickness=thickness)
-            pose, spectra = least(lead, fourier, rounds)
-            image, _ = least(partial(images_many, spectra, microscope, light, grid, fourier, FOCUS), fourier, rounds)
-            seconds = {"pose": pose / count, "image": image / (count * len(FOCUS))}
-            data["seconds"][f"{method} {thickness}" + (f", {count} poses" if count > 1 else "")] = seconds
-            cells += [f"{1 / s:.3g}" for s in seconds.values()]
-        rows.append((label((method, thickness)), *cells))
-    clock = time.process_time if fourier.device.is_cpu else time.perf_counter
-    begun = clock()
-    scattered_spectra(Specimen.of_spheres(LEANING[[0, 2, 4]], 0.75, 1.52), microscope, light, grid, fourier)
-    data["seconds"]["mie"] = {"pose": clock() - begun}
-    unmeasured = [NOTHING] * (len(rows[0]) - 2)
-    rows.append(("exact, three spheres", f"{1 / data['seconds']['mie']['pose']:.2g}", *unmeasured))
-    many = (f"poses/s, {TOGETHER} together", "images/s of these") if len(together) > 1 else ()
-    return Table(title="Poses and images a second, 128 × 128 points, 61 source points, a robot 4 µm high",
-                 head=("method", "poses/s", "images/s", *many), rows=rows,
-                 note=f"Nine planes of each pose; transforms by {fourier.library}; one core's processor time on a CPU, "
-                 "wall time with images on the host on a GPU.")  # fmt: skip
 
 
 def away_from_cpu(fourier: Fourier, data: dict[str, Any]) -> Table:
@@ -182,25 +132,6 @@ def away_from_cpu(fourier: Fourier, data: dict[str, Any]) -> Table:
     return Table(title="Images of a GPU beside those of a CPU: difference over contrast",
                  head=("method", "mean", "largest"), rows=rows,
                  note=f"{len(solids)} spheres and pairs, nine planes, condenser 0.4, 61 source points.")  # fmt: skip
-
-
-def leaning(azimuth: float) -> Specimen:
-    """A robot of five spheres that leans 45° to a side."""
-    c, s = np.cos(azimuth), np.sin(azimuth)
-    return Specimen.of_spheres(LEANING @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]), 0.75, 1.52)
-
-
-def least(work: Callable[[], Any], fourier: Fourier, rounds: int) -> tuple[float, Any]:
-    """Least time of some rounds after the first [s], and what the last returned."""
-    clock = time.process_time if fourier.device.is_cpu else time.perf_counter
-    times = []
-    for _ in range(rounds + 1):
-        wp.synchronize_device(fourier.device)
-        begun = clock()
-        found = work()
-        wp.synchronize_device(fourier.device)
-        times.append(clock() - begun)
-    return min(times[1:]), found
 
 
 def beside_deeptrack(fourier: Fourier, rounds: int, data: dict[str, Any]) -> Table:
