@@ -32,7 +32,7 @@ THOROUGH = (
     "envs/test_adapters.py",
     "envs/test_batch.py",
     "envs/test_images.py",
-    "envs/test_observer.py",
+    "envs/test_observe.py",
     "envs/test_ot_gym.py",
     "envs/test_single.py",
     "envs/test_tasks.py",

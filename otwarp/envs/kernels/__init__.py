@@ -9,4 +9,5 @@ terms      what observations, rewards and ends are made of, as plain functions o
 specialise terms for the shapes of a scene's obstacles
 task_terms what the shipped tasks have beside these
 judge      one kernel for all terms of a task
+observe    one that looks at worlds which something else steps
 """
