@@ -232,7 +232,7 @@ def _by_imageio(file: Path) -> tuple[list[np.ndarray], float | None]:
         import imageio.v3 as imageio
     except ImportError:
         raise InputError(
-            f"{file}: a video needs OpenCV or imageio; install opencv-python-headless, or imageio[ffmpeg]"
+            f"{file}: a video needs OpenCV or imageio: pip install 'otwarp[cameras]', or imageio[ffmpeg]"
         ) from None
     try:
         about: dict[str, Any] = imageio.immeta(file)

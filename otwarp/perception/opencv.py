@@ -45,7 +45,7 @@ class DeviceCamera:
         try:
             import cv2  # type: ignore[import-not-found]
         except ImportError:
-            raise InputError(f"--camera {self._info.name} needs OpenCV; install opencv-python-headless") from None
+            raise InputError(f"--camera {self._info.name} needs OpenCV: pip install 'otwarp[cameras]'") from None
         where: int | str = int(self._where) if self._where.isdigit() else self._where
         opened = cv2.VideoCapture(where)
         if not opened.isOpened():

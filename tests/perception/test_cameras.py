@@ -261,7 +261,7 @@ def test_a_video_device(monkeypatch):
 
 def test_a_video_through_opencv_itself(tmp_path):
     """Where OpenCV is installed: a file takes the place of the device, and its frames come up to what coding loses."""
-    cv2 = pytest.importorskip("cv2", reason="OpenCV is not installed: pip install opencv-python-headless")
+    cv2 = pytest.importorskip("cv2", reason="OpenCV is not installed: pip install 'otwarp[cameras]'")
     file = tmp_path / "frames.avi"
     rows, columns = np.indices((48, 64))
     levels = (2 * columns + 2 * rows).astype(np.uint8)
