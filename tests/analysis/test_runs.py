@@ -40,6 +40,7 @@ def run(tmp_path_factory: pytest.TempPathFactory, device: str) -> Path:
     return folder
 
 
+@pytest.mark.thorough
 def test_the_simulator_is_calibrated(run: Path) -> None:
     """Stiffness within 5 standard errors of the scene's, by every method; and what the file knows, to rounding."""
     bead = load_trajectory(run)

@@ -36,6 +36,7 @@ def test_what_is_described_is_what_there_is(capsys):
     assert "allowed: otwarp/Navigate-v0" in capsys.readouterr().err
 
 
+@pytest.mark.thorough
 def test_of_ot_gym_its_own_numbers_and_choices_are_described(capsys):
     name = "otwarp/CellDeliveryOTGym-v0"
     env = gymnasium.make(name)
@@ -76,6 +77,7 @@ def test_a_policy_plays_an_episode(capsys):
     assert "seed 0: failure" in capsys.readouterr().out
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("ending", ["gif", "mp4"])
 def test_an_episode_is_filmed(ending: str, tmp_path: Path, capsys):
     if ending == "mp4":

@@ -70,6 +70,7 @@ def test_a_robot_is_turned_about_its_middle(parts, plans, device):
     np.testing.assert_allclose(got[1], place + np.array([0.1, 0.0, 0.3]), atol=1e-12)
 
 
+@pytest.mark.thorough
 def test_errors_have_their_deviations_and_forget_each_other_in_their_time(parts, plans, device):
     """Variance and correlation of one picture and the next over 4000 worlds of two robots; 5σ of their estimates."""
     worlds, rate, tau = 4000, 100.0, 0.02
@@ -106,6 +107,7 @@ def test_the_same_operator_has_the_same_errors_whatever_else_there_is(parts, pla
     assert np.all(error[0] != error[2])
 
 
+@pytest.mark.thorough
 def test_pictures_without_an_estimate_are_as_many_as_said(parts, plans, device):
     """Counts over 200 worlds of 300 pictures; 5σ of a binomial."""
     lost, worlds, periods = 0.3, 200, 300

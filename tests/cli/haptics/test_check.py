@@ -16,6 +16,7 @@ from otwarp.errors import InputError
 SCENE = Path(__file__).parents[3] / "scenes" / "single_bead.usda"
 
 
+@pytest.mark.thorough
 def test_json_has_all_parts(device: str) -> None:
     options = ["--seconds", "0.05", "--no-width", "--json", "--scene", str(SCENE), "--scene-device", device]
     result = CliRunner().invoke(check, options, catch_exceptions=False)

@@ -43,6 +43,7 @@ def test_the_linear_model_has_the_table(delay):
         assert largest_stable(mass, damping, spring, 1e-3 * delay) == pytest.approx(known, rel=0.03)
 
 
+@pytest.mark.thorough
 def test_a_delayed_spring_is_stable_up_to_the_linear_models_stiffness(parts, device):
     """A sphere that stands still, in the release's chain, which feels traps as they were; 7 % below and above.
 
@@ -107,6 +108,7 @@ def at_traps(scene, local):
     return np.array([scene.traps[3 * (body != local.bodies[0])].position.at(0.0) for body in local.bodies])
 
 
+@pytest.mark.thorough
 def test_noise_in_a_linear_trap_is_stiffness_times_noise(parts, device):
     """Root mean square of a force's error is k·σ; k of all traps of a hand from two biases; 5σ of 3000 estimates."""
     scene, local = parts
