@@ -31,6 +31,15 @@ LOST = 0.85
 ROUNDS = 25
 """Steps of the least squares, at most."""
 
+NEAR = (0.25, 0.1)
+"""Depth [µm] and tilt [rad] within which errors are alike: standard deviations of a weight, about one template."""
+
+PRIOR = 0.3
+"""How much the mean of all measured errors counts beside those nearby, of which one counts 1."""
+
+LEAST = 1e-4
+"""Standard deviation of a pose beyond noise, at least [µm, rad]."""
+
 STILL = 0.03
 """Length of a step, over the standard deviations, below which they end."""
 
@@ -50,18 +59,40 @@ class Match:
     residual: float
 
 
+@dataclass(frozen=True, eq=False)
+class TemplateErrors:
+    """What poses err beyond noise, measured at some of them.
+
+    A few source points and thick slices err by ten times as much at one tilt as at another, alike in all images of it.
+
+    Attributes:
+        depth, tilt: (n) of the images on which it was measured [µm, rad].
+        squares: (n, 5) of x, y, depth, tilt, yaw [µm², rad²].
+    """
+
+    depth: np.ndarray
+    tilt: np.ndarray
+    squares: np.ndarray
+
+    def variance(self, depth: float, tilt: float) -> np.ndarray:
+        """(5) mean squares of those measured near a pose, and a little of all."""
+        away = ((self.depth - depth) / NEAR[0]) ** 2 + ((self.tilt - tilt) / NEAR[1]) ** 2
+        weight = np.exp(-0.5 * away)
+        mean = self.squares.mean(axis=0)
+        return (weight @ self.squares + PRIOR * mean) / (weight.sum() + PRIOR) + LEAST**2
+
+
 class Matcher:
     """Lays templates on images.
 
     Args:
         templates: Of the body.
-        errors: (5) what the poses err beyond noise, root mean square, of x, y, depth, tilt, yaw [µm, rad]; `measured`
-            finds them.
+        errors: What the poses err beyond noise; None: nothing but `LEAST`. `with_errors` measures them.
     """
 
-    def __init__(self, templates: Templates, errors: np.ndarray | None = None):
+    def __init__(self, templates: Templates, errors: TemplateErrors | None = None):
         self.templates = templates
-        self.errors = np.full(5, 1e-4) if errors is None else np.asarray(errors, dtype=float)
+        self.errors = errors or TemplateErrors(np.zeros(1), np.zeros(1), np.zeros((1, 5)))
         self._small: tuple[np.ndarray, np.ndarray, int] | None = None
 
     def estimate(self, image: np.ndarray, start: np.ndarray | None = None) -> Match:
@@ -153,7 +184,7 @@ class Matcher:
         scale = np.sqrt(np.maximum(np.diag(curve), 1e-12))
         inverse = np.linalg.pinv(curve / np.outer(scale, scale), rcond=1e-10, hermitian=True) / np.outer(scale, scale)
         covariance = np.diag(np.full(5, np.inf))
-        covariance[np.ix_(free, free)] = variance * inverse + np.diag(self.errors[free] ** 2)
+        covariance[np.ix_(free, free)] = variance * inverse + np.diag(self.errors.variance(pose[2], pose[3])[free])
         both = math.sqrt(float((contrast * contrast).sum() * (seen * seen).sum()))
         correlation = float((contrast * seen).sum()) / both if both > 0.0 else 0.0
         x, y, depth, tilt, yaw = pose
@@ -199,7 +230,8 @@ def with_errors(matcher: Matcher, poses: np.ndarray, images: np.ndarray) -> Matc
         off[4] = _turn(off[4])
         noise = np.diag(found.covariance)
         wrong.append(np.where(np.isfinite(noise), np.maximum(off**2 - noise, 0.0), 0.0))
-    return Matcher(matcher.templates, np.sqrt(np.mean(wrong, axis=0)) + 1e-4)
+    known = np.asarray(poses, dtype=float)
+    return Matcher(matcher.templates, TemplateErrors(known[:, 2], known[:, 3], np.array(wrong)))
 
 
 def mirror_probability(matcher: Matcher, image: np.ndarray, match: Match) -> tuple[Match, float]:

@@ -32,8 +32,11 @@ MARGIN = (0.5, 0.15)
 ALL_AROUND = 359.0
 """Degrees of azimuths learnt, from which on images need not be turned."""
 
-HELD_OUT = 16
-"""Images of poses between templates, on which their errors are measured."""
+HELD_OUT = 32
+"""Images of poses between templates, spread over the tilts of a run, on which their errors are measured."""
+
+AMONG = 3
+"""Frames before and after one, in the order of their tilts, of which depth, tilt and azimuth of such a pose are."""
 
 
 @dataclass(frozen=True)
@@ -234,13 +237,28 @@ def template_source(
     )  # fmt: skip
     rng, fourier = np.random.default_rng([seed, 11]), Fourier(device)
     half = 0.5 * camera_of(scene).pixel_size
-    # near what the run shows, at poses that it does not
     poses = np.zeros((HELD_OUT, 5))
     poses[:, :2] = rng.uniform(-half, half, (HELD_OUT, 2))
-    poses[:, 2:] = gone[rng.integers(0, len(gone), HELD_OUT)] + rng.uniform(-0.1, 0.1, (HELD_OUT, 3))
+    poses[:, 2:] = _mixed(gone, rng)
     poses[:, 3] = np.clip(poses[:, 3], templates.tilt[0], templates.tilt[-1])
     shots = [_shown(recorded, shape, pose, size, how, fourier, n) for n, pose in enumerate(poses)]
     return TemplateSource(with_errors(Matcher(templates), poses, np.array(shots)))
+
+
+def _mixed(gone: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """(`HELD_OUT`, 3) depth, tilt and azimuth as the run has them, but none of its poses.
+
+    Poses that scatter more than those of the body err more than they do, and would state too wide a covariance.
+
+    Args:
+        gone: (n, 3) of the run's frames.
+        rng: Random numbers.
+    """
+    order = np.argsort(gone[:, 1], kind="stable")
+    place = ((np.arange(HELD_OUT) + rng.random(HELD_OUT)) / HELD_OUT * len(gone)).astype(int)
+    near = place[:, None] + rng.integers(-AMONG, AMONG + 1, (HELD_OUT, 3))
+    frames = order[np.clip(near, 0, len(gone) - 1)]
+    return np.stack([gone[frames[:, k], k] for k in range(3)], axis=1) + rng.uniform(-0.01, 0.01, (HELD_OUT, 3))
 
 
 def _gone_through(recorded: RecordedBody, shape: Shape) -> np.ndarray:

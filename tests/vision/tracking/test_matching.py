@@ -12,7 +12,7 @@ from otwarp.scene import Body, Camera, Scene, Sphere
 from otwarp.vision.fourier import Fourier
 from otwarp.vision.rendering import Rendering, expose
 from otwarp.vision.specimen import Specimen
-from otwarp.vision.tracking.matching import Matcher, with_errors
+from otwarp.vision.tracking.matching import Matcher, TemplateErrors, with_errors
 from otwarp.vision.tracking.shape import Shape
 from otwarp.vision.tracking.templates import Templates, posed
 from otwarp.vision.view import microscope_of, sensor_of
@@ -69,6 +69,20 @@ def test_poses_are_found_again_without_a_guess(matcher: Matcher) -> None:
         squares.append(float(off @ np.linalg.solve(match.estimate.covariance, off)) / 5.0)
     # 30 degrees of freedom: √(2/30) is 0.26; of eight images the covariance itself is known to a quarter
     assert 0.1 < np.mean(squares) < 1.0 + 5.0 * 0.26 + 1.0
+
+
+@pytest.mark.quick
+def test_errors_are_those_of_poses_nearby() -> None:
+    """Measured 1 nm at one tilt and 10 nm at another: there so much, in between some of both, nowhere less."""
+    depth, tilt = np.zeros(8), np.repeat([0.0, 1.0], 4)
+    squares = np.repeat([[1e-3], [1e-2]], 4, axis=0) ** 2 * np.ones(5)
+    errors = TemplateErrors(depth, tilt, squares)
+    flat, between, steep = (np.sqrt(errors.variance(0.0, t)) for t in (0.0, 0.5, 1.0))
+    # a prior of 0.3 in 4.3 of a mean square of 50.5 nm² is 3.5 nm²
+    assert np.all((flat > 1e-3) & (flat < 2.3e-3)) and np.all((steep > 9.5e-3) & (steep < 1e-2))
+    assert np.all((between > 6e-3) & (between < 8e-3))
+    # far from all of them the mean of all counts
+    assert np.allclose(errors.variance(0.0, 9.0), squares.mean(axis=0) + 1e-8)
 
 
 @pytest.mark.quick
