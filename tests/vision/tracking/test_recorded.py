@@ -11,6 +11,9 @@ import pytest
 from otwarp.cli.main import main
 from otwarp.record import record_run
 from otwarp.scene import Scene
+from otwarp.vision.rendering import Rendering
+from otwarp.vision.tracking.recorded import RecordedBody, track_run
+from otwarp.vision.tracking.source import template_source
 from tests.full_disk import largest_file
 
 BEAD = "scenes/single_bead.usda"
@@ -45,6 +48,22 @@ def test_a_run_is_tracked(run: Path, tmp_path: Path, capfd: pytest.CaptureFixtur
         assert np.all(np.diff(track.predicted_time) > 0.0)
         eigenvalues = np.linalg.eigvalsh(track.predicted_covariance.values[:, :3, :3])
         assert eigenvalues.min() > 0.0
+
+
+@pytest.mark.validate
+def test_what_templates_state_is_right_while_a_pair_lies_down(tmp_path: Path) -> None:
+    """NEES in thirds of the run, and NIS: few source points err by ten times as much at 45° as while the pair lies."""
+    record_run(Scene.load("scenes/strategy_a.usda"), tmp_path / "pair", device="cpu")
+    recorded = RecordedBody.load(tmp_path / "pair", every=8)
+    how = Rendering(rings=3, thickness=0.2)
+    source = template_source(recorded, 224, rendering=how, device="cpu")
+    steps = track_run(recorded, source, size=224, rate=0.0, rendering=how, device="cpu")
+    nees = np.array([s.nees / s.freedom for s in steps])
+    nis = np.array([s.nis / s.degrees for s in steps[1:]])
+    # standard error √(2 / 5n), as if errors of neighbouring frames were not alike
+    for squares in (nees, nis):
+        assert abs(squares.mean() - 1.0) < 5.0 * np.sqrt(2.0 / (5.0 * len(squares)))
+    assert all(1.0 / 3.0 < part.mean() < 3.0 for part in np.array_split(nees, 3))
 
 
 @pytest.mark.quick
