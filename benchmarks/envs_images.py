@@ -57,7 +57,7 @@ def pictures(device: Any, rounds: int, data: dict[str, Any]) -> Table:
         for size in PICTURE_SIZES:
             draw = partial(Picture(batch, size).draw, 0)
             draw()
-            times = Quartiles.of([elapsed(draw, device).wall for _ in range(rounds)])
+            times = Quartiles.of([elapsed(draw, device).on(device) for _ in range(rounds)])
             rate = 1.0 / times.median
             rows.append((f"`{name}`", "{} × {}".format(*size), times.times(1e3).text(".3g"), f"{rate:.3g}",
                          f"{rate / task.rate:.2g}"))  # fmt: skip
@@ -67,7 +67,7 @@ def pictures(device: Any, rounds: int, data: dict[str, Any]) -> Table:
         head=("task", "pixels", "picture [ms]", "pictures/s", "over the control's rate"),
         rows=rows,
         note="`Env.render()` draws 480 × 360. The last column is how much faster than it plays a video is drawn that "
-        "has a picture of every period. Median and quartiles of wall time.",
+        "has a picture of every period. Median and quartiles, of processor time on a CPU.",
     )
 
 
