@@ -38,7 +38,7 @@ class Picture:
             raise InputError(f"scene of {batch.task.name} has no file, which says what it looks like; "
                              "allowed: a task whose scene is one")  # fmt: skip
         self.batch = batch
-        self.look = PictureStyle(width=size[0], height=size[1], samples=2, occlusion_rays=1)
+        self.look = PictureStyle(width=size[0], height=size[1], samples=2, occlusion_rays=0)
         traps = [trap.prim for trap in scene.traps]
         goal = [scene.goal.prim] if scene.goal else []
         owners = {*traps, *goal, *(b.prim for b in scene.bodies), *(o.prim for o in scene.obstacles)}
