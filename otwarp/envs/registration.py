@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from otwarp.errors import InputError
+from otwarp.shipped import named
 
 if TYPE_CHECKING:
     from otwarp.envs.task import Task
@@ -51,14 +52,17 @@ def task_of(name: str, **changes: Any) -> Task:
     for change in changes:
         if change not in allowed:
             raise InputError(f"option {change!r} of {name} is unknown; allowed: {', '.join(sorted(allowed))}")
-    return dataclasses.replace(task, **changes)
+    changed = dataclasses.replace(task, **changes)
+    if check := own_spaces(name, "check"):
+        check(changed)
+    return changed
 
 
 def task_named(name: str, **changes: Any) -> Task:
     """The task of a shipped environment, or of a scene with a goal.
 
     Args:
-        name: Of an environment, or a USD file.
+        name: Of an environment, a USD file, or the name of a shipped scene such as `teleop_small`.
         changes: As of `task_of`.
 
     Raises:
@@ -66,8 +70,13 @@ def task_named(name: str, **changes: Any) -> Task:
     """
     from otwarp.envs.goal_task import from_scene
 
-    is_scene = Path(name).suffix in (".usd", ".usda", ".usdc")
-    return from_scene(name, **changes) if is_scene else task_of(name, **changes)
+    if Path(name).suffix in (".usd", ".usda", ".usdc", ".usdz") or named("scenes", name):
+        return from_scene(name, **changes)
+    if name not in TASKS:
+        raise InputError(
+            f"{name!r} is unknown; allowed: {', '.join(TASKS)}, or a scene: its file, or its name if shipped"
+        )
+    return task_of(name, **changes)
 
 
 ENV_OPTIONS = ("device", "render_mode")
@@ -106,7 +115,8 @@ def own_spaces(name: str, function: str) -> Any:
 
     Args:
         name: Of the environment.
-        function: `wrap`, which makes it of the task's; `described`, its `observations` and `actions` as rows of tables.
+        function: `wrap`, which makes it of the task's; `described`, its `observations` and `actions` as rows of tables;
+            `check`, which refuses a task whose options its spaces do not allow.
     """
     return getattr(import_module(f"otwarp.envs.tasks.{TASKS[name]}"), function, None) if name in TASKS else None
 

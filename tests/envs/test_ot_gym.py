@@ -9,7 +9,7 @@ pytest.importorskip("gymnasium", reason="pip install 'otwarp[envs]'")
 
 import gymnasium
 
-import otwarp.envs  # noqa: F401 - registers the environments
+from otwarp.envs.registration import task_of
 from otwarp.errors import InputError
 
 NAME = "otwarp/CellDeliveryOTGym-v0"
@@ -76,3 +76,43 @@ def test_what_was_closed_goes_on_no_more(device):
         for again in (env.reset, lambda env=env, action=action: env.step(action)):
             with pytest.raises(gymnasium.error.ClosedEnvironmentError, match="was closed"):
                 again()
+
+
+def test_a_refused_step_changes_nothing(device):
+    """Episodes of two environments, of which one is over: others do not go on where the step was refused."""
+
+    def found(refused):
+        envs = many(2, device, autoreset_mode="Disabled", time_limit=0.6)
+        envs.reset(seed=1)
+        envs.step(np.array([6, 6]))
+        envs.reset(options={"reset_mask": np.array([False, True])})
+        for _ in range(2):
+            over = envs.step(np.array([6, 6]))[3]
+        assert over.tolist() == [True, False]
+        for _ in range(refused):
+            with pytest.raises(InputError, match="whose episode is over"):
+                envs.step(np.array([6, 9]))
+        seen, _ = envs.reset(options={"reset_mask": np.array([True, False])})
+        return seen[1], envs.step(np.array([0, 6]))[0][1]
+
+    np.testing.assert_array_equal(found(0), found(5))
+
+
+@pytest.mark.parametrize(
+    "option", [{"rate": 20.0}, {"speed_limit": 5.0}, {"action": "both"}, {"choices": ((0.0,) * 4,)}]
+)
+def test_options_that_its_strides_do_not_allow_are_refused(option):
+    name = next(iter(option))
+    with pytest.raises(InputError, match=f"^{name} of {NAME} is .*; allowed: "):
+        task_of(NAME, **option)
+    assert task_of(NAME, rate=5, time_limit=3.0).time_limit == 3.0
+
+
+def test_what_is_no_array_is_refused(device):
+    torch = pytest.importorskip("torch")
+    envs = many(2, device)
+    envs.reset(seed=1)
+    for actions in ([1, [2, 3]], torch.zeros(2, dtype=torch.int64, device="meta"), None):
+        with pytest.raises(InputError, match=r"^action is .*; allowed: whole numbers of shape \(2,\)$"):
+            envs.step(actions)
+    envs.step(torch.ones(2, dtype=torch.int64, device=device))

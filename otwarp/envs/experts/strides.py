@@ -34,8 +34,8 @@ class Strides:
         self.way, self.last = np.zeros(count), np.zeros(count)
 
     def restart(self, chosen: np.ndarray) -> None:
-        """Put environments back to the start of the path."""
-        self.way[chosen], self.last[chosen] = 0.0, 0.0
+        """Put the chosen environments, (N) bool, back to the start of the path."""
+        self.way, self.last = np.where(chosen, 0.0, self.way), np.where(chosen, 0.0, self.last)
 
     def velocities(self, strides: np.ndarray) -> np.ndarray:
         """(N, 4) numbers within ±1 of the task's action, for (N) whole numbers from 0 to 9."""

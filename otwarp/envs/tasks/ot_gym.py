@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import Any
 
 from otwarp.envs import terms as t
+from otwarp.envs.experts.delivery import SPEED_LIMIT
 from otwarp.envs.experts.strides import CHOICES, RATE, STRIDE, Strider
 from otwarp.envs.task import Task
 from otwarp.envs.tasks import cell_delivery
@@ -50,6 +51,18 @@ def task() -> Task:
         time_limit=30.0,
         expert=Strider,
     )
+
+
+def check(task: Task) -> None:
+    """Refuse options by which its strides would not be what they say.
+
+    Raises:
+        InputError: There is one.
+    """
+    wanted = {"rate": RATE, "speed_limit": SPEED_LIMIT, "action": "velocity", "choices": ()}
+    for option, value in wanted.items():
+        if (given := getattr(task, option)) != value:
+            raise InputError(f"{option} of {task.name} is {given!r}; allowed: {value!r}, of which its strides are made")
 
 
 def wrap(env: Any) -> Any:

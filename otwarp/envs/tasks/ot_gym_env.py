@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from typing import Any
 
 import gymnasium
@@ -30,7 +31,7 @@ class OTGym(gymnasium.Wrapper):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start an episode; see `Env.reset`."""
         columns, info = self.env.reset(seed=seed, options=options)
-        self._strides.restart(np.array([0]))
+        self._strides.restart(np.array([True]))
         return self._strides.seen(columns[None])[0], info
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
@@ -39,11 +40,9 @@ class OTGym(gymnasium.Wrapper):
         Raises:
             InputError: No whole number from 0 to 9, or as `Env.step`.
         """
-        _check(np.asarray(action), ())
-        self.env.unwrapped.refuse_closed()  # type: ignore[attr-defined]
-        if self.env.unwrapped.batch.done[0]:  # type: ignore[attr-defined]
-            raise InputError("step of an episode that is over or has not begun; allowed: reset() first")
-        columns, *rest = self.env.step(self._strides.velocities(np.array([action]))[0])
+        stride, ahead = _given(action, ()), copy(self._strides)
+        columns, *rest = self.env.step(ahead.velocities(stride[None])[0])
+        self._strides = ahead  # a step that was refused leaves it where it was
         return (self._strides.seen(columns[None])[0], *rest)  # type: ignore[return-value]
 
 
@@ -77,15 +76,15 @@ class OTGymVector(VectorWrapper):
         Raises:
             InputError: No whole numbers from 0 to 9, or as `VectorEnv.step`.
         """
-        strides, mode = _host(actions), self.env.mode  # type: ignore[attr-defined]
-        _check(strides, (self.num_envs,))
-        self.env.unwrapped.refuse_closed()  # type: ignore[attr-defined]
+        strides, mode = _given(actions, (self.num_envs,)), self.env.mode  # type: ignore[attr-defined]
+        ahead = copy(self._strides)
         # what ended in the step before starts anew in this one, whatever is asked of it
         if mode is AutoresetMode.NEXT_STEP:
-            self._strides.restart(self._over)
+            ahead.restart(self._over)
             strides = np.where(self._over, 0, strides)
-        velocities = self._strides.velocities(strides)
-        columns, reward, terminated, truncated, info = self.env.step(self._like(velocities, actions))
+        velocities = self._like(ahead.velocities(strides), actions)
+        columns, reward, terminated, truncated, info = self.env.step(velocities)
+        self._strides = ahead  # a step that was refused leaves them where they were
         self._over = _host(terminated) | _host(truncated)
         if mode is AutoresetMode.SAME_STEP:
             if "final_obs" in info:
@@ -113,11 +112,20 @@ def _scale(env: Any) -> np.ndarray:
     return np.array([column.scale for column in env.unwrapped.batch.layout.seen])
 
 
-def _check(strides: np.ndarray, wanted: tuple[int, ...]) -> None:
-    """Refuse what is no choice of each environment."""
-    if strides.shape != wanted or strides.dtype.kind not in "iu":
-        allowed = f"whole numbers of shape {wanted}" if wanted else "one whole number"
-        raise InputError(f"action is {strides.dtype} of shape {strides.shape}; allowed: {allowed}")
-    outside = (strides < 0) | (strides >= CHOICES)
+def _given(strides: Any, wanted: tuple[int, ...]) -> np.ndarray:
+    """Choices on the host.
+
+    Raises:
+        InputError: They are no choice of each environment.
+    """
+    allowed = f"whole numbers of shape {wanted}" if wanted else "one whole number"
+    try:
+        found = _host(strides)
+    except (TypeError, ValueError, RuntimeError):  # ragged lists, tensors without memory
+        raise InputError(f"action is a {type(strides).__name__} that is no array; allowed: {allowed}") from None
+    if found.shape != wanted or found.dtype.kind not in "iu":
+        raise InputError(f"action is {found.dtype} of shape {found.shape}; allowed: {allowed}")
+    outside = (found < 0) | (found >= CHOICES)
     if np.any(outside):
-        raise InputError(f"an action is {strides[outside].flat[0]}; allowed: 0 to {CHOICES - 1}")
+        raise InputError(f"an action is {found[outside].flat[0]}; allowed: 0 to {CHOICES - 1}")
+    return found
