@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
@@ -62,16 +63,15 @@ class ParallelEnv(PettingZooParallelEnv):
         Raises:
             InputError: Not one action of each agent, or as `Env.step`.
         """
-        if set(actions) != set(self.agents):
-            raise InputError(f"actions of {', '.join(map(str, actions)) or 'nobody'}; "
-                             f"allowed: of {', '.join(self.agents) or 'nobody, before a reset'}")  # fmt: skip
+        self.env.refuse_closed()
+        if not self.agents:
+            raise InputError("step of an episode that is over or has not begun; allowed: reset() first")
+        if not isinstance(actions, Mapping) or set(actions) != set(self.agents):
+            of = ", ".join(map(str, actions)) or "nobody" if isinstance(actions, Mapping) else repr(actions)
+            raise InputError(f"actions of {of}; allowed: of {', '.join(self.agents)}")
         joined = np.zeros(len(self.env.batch.layout.acted), dtype=np.float32)
         for agent, columns in self._columns.items():
-            given = np.asarray(actions[agent])
-            if given.shape != (len(columns),) or given.dtype.kind != "f":
-                raise InputError(f"action of {agent} is {given.dtype} of shape {given.shape}; "
-                                 f"allowed: floating-point numbers of shape ({len(columns)},)")  # fmt: skip
-            joined[columns] = given
+            joined[columns] = self._action(agent, actions[agent])
         seen, reward, terminated, truncated, info = self.env.step(joined)
         agents = self.agents
         result = (
@@ -84,6 +84,24 @@ class ParallelEnv(PettingZooParallelEnv):
         if terminated or truncated:
             self.agents = []
         return result
+
+    def _action(self, agent: str, given: Any) -> np.ndarray:
+        """The numbers of an agent's hand, within ±1.
+
+        Raises:
+            InputError: Another shape or type, or a number that is not finite.
+        """
+        size = self.action_spaces[agent].shape
+        try:
+            values = np.asarray(given)
+        except (TypeError, ValueError, RuntimeError):  # ragged lists, tensors elsewhere
+            values = np.array(None)
+        if values.shape != size or values.dtype.kind != "f":
+            raise InputError(f"action of {agent} is {values.dtype} of shape {values.shape}; "
+                             f"allowed: floating-point numbers of shape {size}")  # fmt: skip
+        if not np.isfinite(values).all():
+            raise InputError(f"action of {agent} is {values}; allowed: finite numbers, of which those within ±1 count")
+        return values.clip(-1.0, 1.0)
 
     def _all(self, seen: np.ndarray) -> dict[str, np.ndarray]:
         return {agent: seen.copy() for agent in self.agents}
