@@ -11,17 +11,19 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import time
 from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
-import numpy as np
 import torch
 from scipy.stats import binomtest
 from torch import nn
 
-import otwarp.envs  # noqa: F401 - registers the environments
+from otwarp.envs import task_of  # its import registers the environments
+from otwarp.errors import InputError, in_one_line
+from otwarp.files import check_place
 
 RECIPES: dict[str, dict[str, Any]] = {
     "otwarp/CellDelivery-v0": {
@@ -44,6 +46,10 @@ class Policy(nn.Module):
         log_deviation: Of what is drawn, at first.
         normalise: Whether what is seen is divided by its deviation so far, less its mean.
     """
+
+    count: torch.Tensor
+    mean: torch.Tensor
+    variance: torch.Tensor
 
     def __init__(
         self, seen: int, acted: int, choices: bool = False, width: int = 64, pair: float = 0.0,
@@ -190,7 +196,7 @@ def _past(begun: float, rollouts: int, args: argparse.Namespace) -> float:
 def train(args: argparse.Namespace) -> tuple[Policy, list[dict[str, float]]]:
     """A policy, and a row of its curve for each rollout: success and what is earned are of the last 1,000 episodes."""
     torch.manual_seed(args.seed)
-    envs = make(args, **({"start": "anywhere"} if args.scattered else {}))
+    envs: Any = make(args, **({"start": "anywhere"} if args.scattered else {}))
     choices = hasattr(envs.single_action_space, "n")
     acted = int(envs.single_action_space.n) if choices else envs.single_action_space.shape[0]
     seen = envs.reset(seed=1_000_000 * args.seed)[0].clone()
@@ -199,7 +205,7 @@ def train(args: argparse.Namespace) -> tuple[Policy, list[dict[str, float]]]:
     earned = torch.zeros(args.envs, device=seen.device)
     optimiser = torch.optim.Adam(policy.parameters(), lr=args.rate, eps=1e-5)
     begun, worked, curve, recent = time.perf_counter(), time.process_time(), [], torch.zeros(0, 2)
-    while (past := _past(begun, len(curve), args)) < 1.0:
+    while (past := _past(begun, len(curve), args)) < 1.0 or not curve:
         for group in optimiser.param_groups:
             group["lr"] = args.rate * max(1.0 - past, 0.05)
         if args.scattered and len(curve) == args.scattered:
@@ -288,9 +294,30 @@ def parse(argv: list[str] | None = None) -> argparse.Namespace:
     return parser.parse_args(argv)
 
 
+def check(args: argparse.Namespace) -> None:
+    """Refuse options that would fail in the middle, or after an hour of training.
+
+    Raises:
+        InputError: There is one.
+    """
+    least = {"envs": 1, "steps": 1, "episodes": 1, "epochs": 1, "minibatches": 1, "width": 1, "rollouts": 0}
+    for name, low in (least | {"scattered": 0, "seed": 0}).items():
+        if getattr(args, name) < low:
+            raise InputError(f"--{name} is {getattr(args, name)}; allowed: {low} or more")
+    if not 0.0 < args.minutes < math.inf:
+        raise InputError(f"--minutes is {args.minutes}; allowed: a finite number above 0")
+    if args.envs * args.steps < 2 * args.minibatches:
+        raise InputError(f"--minibatches is {args.minibatches}; allowed: at most half of --envs times --steps")
+    task_of(args.env)
+    if args.scattered and args.env not in RECIPES:
+        raise InputError(f"--scattered is {args.scattered}; allowed: 0, or with --env {', '.join(RECIPES)}")
+    check_place(args.out, "--out", folder=True)
+
+
 def main(argv: list[str] | None = None) -> dict[str, float]:
     """Train, evaluate, save; what `result.json` holds."""
     args = parse(argv)
+    check(args)
     policy, curve = train(args)
     wins, episodes = evaluate(policy, args)
     low, high = binomtest(wins, episodes).proportion_ci(0.95, method="exact")
@@ -306,5 +333,5 @@ def main(argv: list[str] | None = None) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    np.set_printoptions(precision=3)
-    main()
+    with in_one_line("train_ppo"):
+        main()

@@ -5,12 +5,13 @@ You see what its runner reports of each rollout.
 
 from __future__ import annotations
 
-import sys
+import argparse
 
 from rsl_rl.runners import OnPolicyRunner
 
 from otwarp.envs import VectorEnv, task_of
 from otwarp.envs.adapters.rsl_rl import RslRlVecEnv
+from otwarp.errors import in_one_line
 
 LAYERS = {"class_name": "rsl_rl.models:MLPModel", "hidden_dims": [64, 64], "activation": "tanh"}
 GAUSSIAN = {"class_name": "rsl_rl.modules.distribution:GaussianDistribution", "init_std": 0.6}
@@ -33,5 +34,9 @@ def train(name: str, rollouts: int, envs: int = 64, steps: int = 64) -> OnPolicy
 
 
 if __name__ == "__main__":
-    given = dict(enumerate(sys.argv[1:]))
-    train(given.get(0, "otwarp/Navigate-v0"), int(given.get(1, 40)))
+    parser = argparse.ArgumentParser(description="Train a policy by PPO of rsl_rl.")
+    parser.add_argument("env", nargs="?", default="otwarp/Navigate-v0")
+    parser.add_argument("rollouts", nargs="?", type=int, default=40)
+    args = parser.parse_args()
+    with in_one_line("train_rsl_rl"):
+        train(args.env, args.rollouts)

@@ -5,12 +5,13 @@ You see how many of the last episodes succeeded.
 
 from __future__ import annotations
 
-import sys
+import argparse
 
 from stable_baselines3 import PPO
 
 from otwarp.envs import VectorEnv, task_of
 from otwarp.envs.adapters.sb3 import SB3VecEnv
+from otwarp.errors import in_one_line
 
 
 def train(name: str, steps: int, envs: int = 64, rollout: int = 64) -> PPO:
@@ -23,7 +24,11 @@ def train(name: str, steps: int, envs: int = 64, rollout: int = 64) -> PPO:
 
 
 if __name__ == "__main__":
-    given = dict(enumerate(sys.argv[1:]))
-    trained = train(given.get(0, "otwarp/Navigate-v0"), int(given.get(1, 200_000)))
-    wins = list(trained.ep_success_buffer or [])
-    print(f"{trained.num_timesteps:,} steps; {sum(wins)} of the last {len(wins)} episodes succeeded")
+    parser = argparse.ArgumentParser(description="Train a policy by PPO of Stable-Baselines3.")
+    parser.add_argument("env", nargs="?", default="otwarp/Navigate-v0")
+    parser.add_argument("steps", nargs="?", type=int, default=200_000)
+    args = parser.parse_args()
+    with in_one_line("train_sb3"):
+        trained = train(args.env, args.steps)
+        wins = list(trained.ep_success_buffer or [])
+        print(f"{trained.num_timesteps:,} steps; {sum(wins)} of the last {len(wins)} episodes succeeded")

@@ -5,7 +5,7 @@ You see its progress; checkpoints are not written.
 
 from __future__ import annotations
 
-import sys
+import argparse
 from typing import Any
 
 import torch
@@ -18,6 +18,7 @@ from torch import nn
 
 from otwarp.envs import VectorEnv, task_of
 from otwarp.envs.adapters.skrl import SkrlEnv
+from otwarp.errors import in_one_line
 
 
 class Actor(GaussianMixin, Model):
@@ -74,5 +75,9 @@ def train(name: str, steps: int, envs: int = 64, rollout: int = 64) -> PPO:
 
 
 if __name__ == "__main__":
-    given = dict(enumerate(sys.argv[1:]))
-    train(given.get(0, "otwarp/Navigate-v0"), int(given.get(1, 2000)))
+    parser = argparse.ArgumentParser(description="Train a policy by PPO of skrl.")
+    parser.add_argument("env", nargs="?", default="otwarp/Navigate-v0")
+    parser.add_argument("steps", nargs="?", type=int, default=2000)
+    args = parser.parse_args()
+    with in_one_line("train_skrl"):
+        train(args.env, args.steps)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Sequence
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 
 class InputError(ValueError):
@@ -12,6 +14,20 @@ class InputError(ValueError):
     The message is one line that names the file, prim, attribute or argument, its value and the allowed range.
     The command line prints it and exits with code 2.
     """
+
+
+@contextmanager
+def in_one_line(program: str) -> Iterator[None]:
+    """In a script: bad input is one line on standard error, which begins with the program's name, and exit code 2.
+
+    Raises:
+        SystemExit: Instead of an `InputError`.
+    """
+    try:
+        yield
+    except InputError as error:
+        print(f"{program}: {error}", file=sys.stderr)
+        raise SystemExit(2) from None
 
 
 def is_full_memory(error: BaseException) -> bool:

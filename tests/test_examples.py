@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from otwarp.errors import in_one_line
 from tests.documents import ROOT, Document
 
 EXAMPLES = ROOT / "examples"
 NAMES = sorted(path.stem for path in EXAMPLES.glob("*.py") if path.stem != "__init__")
-LINES, TRAINING = 40, 320
+LINES, TRAINING = 40, 340
 """An example fits on a screen, without the lines that run it; those that train are one file that one can read."""
 RUN = '\n\nif __name__ == "__main__":\n    main()\n'
 
@@ -147,6 +150,31 @@ def test_train_ppo_by_the_recipe_of_a_task(tmp_path: Path):
         taught.look(part)
     assert torch.allclose(taught.mean, parts.flatten(0, 1).mean(0), atol=1e-6)
     assert torch.allclose(taught.variance, parts.flatten(0, 1).var(0, correction=0), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "asked",
+    ["env otwarp/Nope-v0", "envs 0", "minutes 0", "minutes nan", "steps 0", "episodes 0", "device bogus", "seed -1",
+     "scattered 3", "minibatches 4000", "out /proc/nowhere"],
+)  # fmt: skip
+def test_train_ppo_refuses_what_it_cannot_do_before_it_trains(asked: str, tmp_path: Path, capsys):
+    example = import_module("examples.train_ppo")
+    name, value = asked.split()
+    with pytest.raises(SystemExit) as stopped, in_one_line("train_ppo"):
+        example.main(["--out", str(tmp_path), f"--{name}", value])
+    said = capsys.readouterr().err
+    assert stopped.value.code == 2 and said.startswith("train_ppo: ") and said.count("\n") == 1
+    assert value in said and "; allowed: " in said
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("library, package", [("sb3", "stable_baselines3"), ("skrl", "skrl"), ("rsl_rl", "rsl_rl")])
+def test_training_of_an_unknown_environment_is_refused_in_one_line(library: str, package: str):
+    pytest.importorskip(package, reason="pip install 'otwarp[learning]'")
+    file = EXAMPLES / f"train_{library}.py"
+    done = subprocess.run([sys.executable, file, "otwarp/Nope-v0"], capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1].startswith(f"train_{library}: environment 'otwarp/Nope-v0' is unknown; allowed")
 
 
 def test_train_sb3():
