@@ -10,10 +10,11 @@ import pytest
 pytest.importorskip("gymnasium")
 
 import gymnasium
+from pxr import UsdUtils
 
 from otwarp.cli.main import main
 from otwarp.envs.describe import page
-from otwarp.envs.registration import TASKS, task_of
+from otwarp.envs.registration import TASKS, task_named, task_of
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "environments_tables.md"
 
@@ -70,6 +71,19 @@ def test_options_of_a_task_are_given_by_name(capsys):
             assert said in error and error.count("\n") == 1, error
     assert main(["envs", "describe", "--option", "strategy=B"]) == 2
     assert "--option without NAME" in capsys.readouterr().err
+
+
+def test_a_scene_is_described_by_its_name_or_file(capsys, tmp_path: Path):
+    shown = []
+    for name in ("teleop_small", "scenes/teleop_small.usda"):
+        assert main(["envs", "describe", name, "--json"]) == 0
+        shown.append(capsys.readouterr().out)
+    assert shown[0] == shown[1]
+    assert main(["envs", "describe", "nothing"]) == 2
+    assert "'nothing' is unknown; allowed: otwarp/Navigate-v0" in capsys.readouterr().err
+    packed = tmp_path / "small.usdz"
+    assert UsdUtils.CreateNewUsdzPackage("scenes/teleop_small.usda", str(packed))
+    assert task_named(str(packed)).hands == task_named("teleop_small").hands
 
 
 def test_a_policy_plays_an_episode(capsys):
