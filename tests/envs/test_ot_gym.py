@@ -98,6 +98,7 @@ def test_a_refused_step_changes_nothing(device):
     np.testing.assert_array_equal(found(0), found(5))
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize(
     "option", [{"rate": 20.0}, {"speed_limit": 5.0}, {"action": "both"}, {"choices": ((0.0,) * 4,)}]
 )
