@@ -54,7 +54,7 @@ def test_unequal_powers_choose_the_end_that_rises(device):
 
 def test_the_cell_delivery_starts_anywhere_if_asked():
     (shift,) = task_of("otwarp/CellDelivery-v0", start="anywhere").shifts
-    assert shift.half[0] > 60.0 and len(shift.bodies) == 3 and len(shift.traps) == 6
+    assert shift.half[0] > 60.0 and len(shift.bodies) == 3 and len(shift.traps) == 7
     assert not task_of("otwarp/CellDelivery-v0").shifts
     with pytest.raises(InputError, match="start of otwarp/CellDelivery-v0 is 'here'; allowed: scene, anywhere"):
         task_of("otwarp/CellDelivery-v0", start="here")
@@ -104,7 +104,7 @@ def test_deliveries(device):
 
 def test_a_shipped_task_is_what_the_interface_of_many_promises(device):
     """Powers for actions, a stream that differs from episode to episode, robots lost within some periods."""
-    assert len(check_vector(lambda n, mode: make_vector("otwarp/Hold-v0", n, autoreset_mode=mode, device=device))) == 8
+    assert len(check_vector(lambda n, mode: make_vector("otwarp/Hold-v0", n, autoreset_mode=mode, device=device))) == 7
 
 
 def test_tasks_say_what_they_are():
