@@ -4,6 +4,7 @@ In: a `Task` (a scene, hands that move its traps, terms that are observed, earne
 `VectorEnv`. Importing this package registers the shipped ones. Open `task` first, then `batch`.
 
 task           `Task`, `Hand`, `Shift`: what an environment is made of
+task_arguments  ranges of its arguments
 terms          what is observed, what is earned, and what ends an episode
 layout         what the numbers of observations and actions are
 batch          worlds on a device: actions in, a period of control, verdicts out, as one graph

@@ -27,6 +27,8 @@ from otwarp.simulation.simulation import Simulation
 Autoreset = Literal["next", "same", "off"]
 WORLDS_EACH = 64
 """Worlds of a thread on a CPU, where each thread reads all arguments of its kernel anew: some hundred numbers."""
+MOST_STEPS = 100_000
+"""Time steps of a period."""
 SEED = 0
 """Key of all random streams: what differs between environments and episodes is the number of the trial."""
 
@@ -49,7 +51,7 @@ class Batch:
         steps: Time steps of a period.
 
     Raises:
-        InputError: A task that its scene does not allow.
+        InputError: What is no task, or one that its scene does not allow.
     """
 
     def __init__(
@@ -101,7 +103,12 @@ class Batch:
         if task.action != "velocity":
             values["trap_power"] = np.full(len(scene.traps), task.power[1])
         hardest = Model.build(scene, worlds=variants.count, device=self.device, parameters=values)
-        return max(1, math.ceil(1.0 / (task.rate * min(table.time_step, hardest.time_step)) - 1e-9))
+        steps = math.ceil(1.0 / (task.rate * min(table.time_step, hardest.time_step)) - 1e-9)
+        if steps > MOST_STEPS:
+            least = task.rate * steps / MOST_STEPS
+            raise InputError(f"rate of task {task.name} is {task.rate!r}, {steps} time steps of the physics a period; "
+                             f"allowed: from {least:.3g} Hz on, {MOST_STEPS} steps")  # fmt: skip
+        return max(1, steps)
 
     def _take_traps(self) -> None:
         """Let commands differ from world to world; traps of hands follow nothing but them."""

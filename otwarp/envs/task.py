@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
+from otwarp.envs import task_arguments as arguments
 from otwarp.envs.terms import Term
 from otwarp.errors import InputError
 from otwarp.scene import Scene
@@ -38,6 +38,11 @@ class Hand:
     traps: tuple[str, ...]
     axes: str = "xy"
 
+    def __post_init__(self) -> None:
+        for name in ("name", "axes"):
+            _check_text(f"{name} of a hand", getattr(self, name))
+        object.__setattr__(self, "traps", arguments.items(f"traps of hand {self.name}", self.traps, str, "prim paths"))
+
 
 @dataclass(frozen=True, kw_only=True)
 class Shift:
@@ -53,6 +58,14 @@ class Shift:
     traps: tuple[str, ...] = ()
     half: tuple[float, float, float]
     middle: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        for name in ("bodies", "traps"):
+            prims = arguments.items(f"{name} of a shift", getattr(self, name), str, "prim paths")
+            object.__setattr__(self, name, prims)
+        for name, least in (("half", 0.0), ("middle", -arguments.MOST_LENGTH)):
+            box = arguments.triple(f"{name} of a shift", getattr(self, name), least=least)
+            object.__setattr__(self, name, box)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -111,26 +124,64 @@ class Task:
     expert: Callable[[], Policy] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
+        _check_text("name of a task", self.name)
+        if not isinstance(self.scene, Scene | str | Path):
+            raise InputError(f"{self._of('scene')} is {self.scene!r}; allowed: a Scene, or the file of one")
+        self._read_lists()
+        self._read_numbers()
+        self._check_kinds()
+        self._check_terms()
+
+    def _read_lists(self) -> None:
+        """Hands, terms and shifts, as tuples."""
+        terms = dict.fromkeys(("observations", "rewards", "ends"), (Term, "terms"))
+        for name, (kind, what) in {"hands": (Hand, "hands"), **terms, "shifts": (Shift, "shifts")}.items():
+            self._set(name, arguments.items(self._of(name), getattr(self, name), kind, what))
         if not self.hands or not self.observations or not self.rewards or not self.ends:
             raise InputError(f"task {self.name}: allowed: at least one hand, observation, reward and end")
-        if self.action not in ("velocity", "power", "both"):
-            raise InputError(f"action of task {self.name} is {self.action!r}; allowed: velocity, power, both")
-        if self.observation not in ("state", "image", "both"):
-            raise InputError(f"observation of task {self.name} is {self.observation!r}; allowed: state, image, both")
+        names = [hand.name for hand in self.hands]
+        for name in names:
+            if names.count(name) > 1:
+                raise InputError(f"task {self.name} has two hands {name!r}; allowed: a name for each")
+        if not isinstance(self.randomise, Mapping):
+            raise InputError(f"{self._of('randomise')} is {self.randomise!r}; allowed: axes of otwarp.studies by name")
+
+    def _read_numbers(self) -> None:
+        """Numbers in their ranges, as floats."""
+        for name, (low, high), unit in (
+            ("speed_limit", arguments.SPEEDS, "µm/s"),
+            ("rate", arguments.RATES, "Hz"),
+            ("time_limit", arguments.TIME_LIMITS, "s"),
+        ):
+            self._set(name, arguments.within(self._of(name), getattr(self, name), low, high, unit))
+        self._set("power", arguments.powers(self._of("power"), self.power))
+        self._set("choices", arguments.rows(self._of("choices"), self.choices))
+        if self.goal is not None:
+            self._set("goal", arguments.triple(self._of("goal"), self.goal))
+        self._set("goal_half", arguments.triple(self._of("goal_half"), self.goal_half, least=0.0))
+
+    def _check_kinds(self) -> None:
+        """Words, truth values, and the sizes of images."""
+        for name, allowed in (("action", get_args(ActionKind)), ("observation", get_args(Observation))):
+            if getattr(self, name) not in allowed:
+                raise InputError(f"{self._of(name)} is {getattr(self, name)!r}; allowed: {', '.join(allowed)}")
+        for name in ("power_each", "image_follows"):
+            if not isinstance(getattr(self, name), bool | np.bool_):
+                raise InputError(f"{self._of(name)} is {getattr(self, name)!r}; allowed: True, False")
+        if self.expert is not None and not callable(self.expert):
+            raise InputError(
+                f"{self._of('expert')} is {self.expert!r}; allowed: a function that makes a policy, or None"
+            )
         size = self.image_size
         if not isinstance(size, tuple) or len(size) != 2 or not all(_counts(n, MOST_PIXELS) for n in size):
             allowed = f"two whole numbers from 1 to {MOST_PIXELS}"
-            raise InputError(f"image_size of task {self.name} is {size!r}; allowed: {allowed}")
+            raise InputError(f"{self._of('image_size')} is {size!r}; allowed: {allowed}")
         if not _counts(self.image_binning, MOST_BINNED):
-            raise InputError(f"image_binning of task {self.name} is {self.image_binning!r}; "
+            raise InputError(f"{self._of('image_binning')} is {self.image_binning!r}; "
                              f"allowed: a whole number from 1 to {MOST_BINNED}")  # fmt: skip
-        for name in ("speed_limit", "rate", "time_limit"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise InputError(f"{name} of task {self.name} is {value!r}; allowed: finite, above 0")
-        low, high = self.power
-        if not 0.0 <= low < high < math.inf:
-            raise InputError(f"power of task {self.name} is {self.power}; allowed: two finite numbers, 0 ≤ low < high")
+
+    def _check_terms(self) -> None:
+        """Terms are what they are used for, and have names of their own."""
         for kind, terms, wanted in (
             ("observation", self.observations, ("vector", "number")),
             ("reward", self.rewards, ("number",)),
@@ -143,6 +194,14 @@ class Task:
                 if names.count(t.name) > 1:
                     raise InputError(f"task {self.name} has two {kind}s {t.name}; allowed: {t.name}(name=…)")
 
+    def _of(self, name: str) -> str:
+        """An argument as messages name it."""
+        return f"{name} of task {self.name}"
+
+    def _set(self, name: str, value: Any) -> None:
+        """Keep an argument as it was read."""
+        object.__setattr__(self, name, value)
+
     def load(self) -> Scene:
         """Its scene.
 
@@ -150,6 +209,11 @@ class Task:
             InputError: As `Scene.load`.
         """
         return self.scene if isinstance(self.scene, Scene) else Scene.load(self.scene)
+
+
+def _check_text(name: str, value: Any) -> None:
+    if not isinstance(value, str) or not value:
+        raise InputError(f"{name} is {value!r}; allowed: a text")
 
 
 def _counts(value: Any, most: int) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -80,6 +80,8 @@ class VectorEnv(GymnasiumVectorEnv):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._picture = Picture(self.batch) if render_mode else None
+        if isinstance(render_envs, str) or not isinstance(render_envs, Iterable):
+            raise InputError(f"render_envs is {render_envs!r}; allowed: indices from 0 to {num_envs - 1}, as a tuple")
         self._drawn = tuple(whole("render_envs", n, 0, num_envs - 1) for n in render_envs)
         self._started = False
 

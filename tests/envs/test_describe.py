@@ -63,7 +63,7 @@ def test_options_of_a_task_are_given_by_name(capsys):
         ("time_limit=nan", "allowed: a finite number"),
         ("image_size=84", "allowed: 2 whole numbers parted by commas"),
         ("image_follows=1", "allowed: true or false"),
-        ("rate=-1", "rate of task otwarp/Orient-v0 is -1.0; allowed: finite, above 0"),
+        ("rate=-1", "rate of task otwarp/Orient-v0 is -1.0; allowed: a number from 0.1 to 10000 Hz"),
     ):
         for command in (["describe"], ["play", "--policy", "still"]):
             assert main(["envs", *command, name, "--option", bad]) == 2
