@@ -92,13 +92,14 @@ class ParallelEnv(PettingZooParallelEnv):
             InputError: Another shape or type, or a number that is not finite.
         """
         size = self.action_spaces[agent].shape
+        allowed = f"floating-point numbers of shape {size}"
         try:
             values = np.asarray(given)
-        except (TypeError, ValueError, RuntimeError):  # ragged lists, tensors elsewhere
-            values = np.array(None)
+        except (TypeError, ValueError, RuntimeError):  # ragged lists, tensors elsewhere or with gradients
+            said = f"action of {agent} is a {type(given).__name__} that is no array"
+            raise InputError(f"{said}; allowed: {allowed}") from None
         if values.shape != size or values.dtype.kind != "f":
-            raise InputError(f"action of {agent} is {values.dtype} of shape {values.shape}; "
-                             f"allowed: floating-point numbers of shape {size}")  # fmt: skip
+            raise InputError(f"action of {agent} is {values.dtype} of shape {values.shape}; allowed: {allowed}")
         if not np.isfinite(values).all():
             raise InputError(f"action of {agent} is {values}; allowed: finite numbers, of which those within ±1 count")
         return values.clip(-1.0, 1.0)

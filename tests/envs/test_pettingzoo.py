@@ -36,7 +36,7 @@ def test_a_step_without_an_episode_is_refused(env):
 def test_what_is_no_action_is_refused_by_its_agent(env):
     env.reset(seed=1)
     for right, said in (
-        ([0.0, [1.0, 2.0]], "action of right is object"),
+        ([0.0, [1.0, 2.0]], "action of right is a list that is no array"),
         (None, "action of right is object"),
         ([0.0, np.nan, 0.0], "action of right is .*nan"),
         ([0.0, np.inf, 0.0], "action of right is .*inf"),
