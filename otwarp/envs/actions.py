@@ -16,6 +16,22 @@ def is_tensor(values: Any) -> bool:
     return type(values).__module__.partition(".")[0] == "torch"
 
 
+def read_action(given: Any) -> np.ndarray:
+    """An action on the host as an array of NumPy; what is none has the type of objects.
+
+    Raises:
+        InputError: A tensor of torch that is elsewhere.
+    """
+    if is_tensor(given):
+        if given.device.type != "cpu":
+            raise InputError(f"action is on {given.device}; allowed: an array of NumPy, or a tensor on cpu")
+        given = given.detach()
+    try:
+        return np.asarray(given)
+    except (TypeError, ValueError):
+        return np.array(None)
+
+
 def write_actions(task: Task, given: Any, out: Any) -> None:
     """Write the actions of all environments, nothing unless all are accepted.
 
@@ -31,10 +47,7 @@ def write_actions(task: Task, given: Any, out: Any) -> None:
     if is_tensor(given):
         _write_tensor(task, given, out)
         return
-    try:
-        values = np.asarray(given)
-    except (TypeError, ValueError):
-        values = np.array(None)
+    values = read_action(given)
     if task.choices:
         rows = np.array(task.choices, dtype=np.float32)
         check(values.dtype.kind in "iu", str(values.dtype), values.shape, (out.shape[0],), "whole numbers")

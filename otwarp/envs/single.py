@@ -7,7 +7,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from otwarp.envs.actions import check, write_actions
+from otwarp.envs.actions import check, read_action, write_actions
 from otwarp.envs.batch import Batch
 from otwarp.envs.images import images_of
 from otwarp.envs.picture import Picture
@@ -66,12 +66,13 @@ class Env(gymnasium.Env):
             gymnasium.error.ClosedEnvironmentError: After `close`.
         """
         self.refuse_closed()
-        if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0):
-            raise InputError(f"seed is {seed!r}; allowed: a whole number from 0 on, or None")
+        given: Any = seed.item() if isinstance(seed, np.ndarray) and seed.ndim == 0 else seed
+        if given is not None and (isinstance(given, bool) or not isinstance(given, int | np.integer) or given < 0):
+            raise InputError(f"seed is {given!r}; allowed: a whole number from 0 on, or None")
         if options:
             raise InputError(f"option {next(iter(options))!r} of reset is unknown; allowed: none")
-        super().reset(seed=None if seed is None else int(seed))
-        first = -1 if seed is None else int(seed) % 2**32
+        super().reset(seed=None if given is None else int(given))
+        first = -1 if given is None else int(given) % 2**32
         if first < 0 and not self._started:
             first = int(self.np_random.integers(0, 2**32))
         self.batch.restart(None, np.array([first]))
@@ -101,10 +102,7 @@ class Env(gymnasium.Env):
         batch, out = self.batch, self.batch.verdict
         if not self._started or batch.done[0]:
             raise InputError("step of an episode that is over or has not begun; allowed: reset() first")
-        try:
-            given = np.asarray(action)
-        except (TypeError, ValueError):
-            given = np.array(None)
+        given = read_action(action)
         kinds, named = ("iu", "whole numbers") if self.task.choices else ("f", "floating-point numbers")
         check(given.dtype.kind in kinds, str(given.dtype), given.shape, self.action_space.shape or (), named)
         write_actions(self.task, given[None], batch.actions)

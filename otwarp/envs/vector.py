@@ -138,6 +138,8 @@ class VectorEnv(GymnasiumVectorEnv):
         """(N) whole numbers, -1 for none."""
         if seed is None:
             return np.full(self.num_envs, -1, dtype=np.int64)
+        if isinstance(seed, np.ndarray) and seed.ndim == 0:
+            seed = seed.item()
         if isinstance(seed, int | np.integer) and not isinstance(seed, bool):
             given: list[Any] = [int(seed) + i for i in range(self.num_envs)]
             super().reset(seed=int(seed)) if seed >= 0 else None
@@ -156,7 +158,10 @@ class VectorEnv(GymnasiumVectorEnv):
         mask = (options or {}).get("reset_mask")
         if mask is None:
             return None
-        mask = mask.cpu().numpy() if is_tensor(mask) else np.asarray(mask)
+        try:
+            mask = mask.cpu().numpy() if is_tensor(mask) else np.asarray(mask)
+        except (TypeError, ValueError):  # rows of unequal length
+            mask = np.array(None)
         if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
             raise InputError(f"reset_mask is {mask.dtype} of shape {mask.shape} with {np.count_nonzero(mask)} set; "
                              f"allowed: bool of shape ({self.num_envs},), one of them at least")  # fmt: skip

@@ -120,6 +120,8 @@ def test_bad_actions_are_refused_and_change_nothing(device):
         (lambda: Env(TASK).reset(options={"where": 1}), "option 'where' of reset is unknown"),
         (lambda: VectorEnv(TASK, 2, device="cpu").reset(seed=[1]), "seed is [1]; allowed"),
         (lambda: VectorEnv(TASK, 2, device="cpu").reset(options={"reset_mask": np.ones(3, dtype=bool)}), "reset_mask"),
+        (lambda: VectorEnv(TASK, 2, device="cpu").reset(seed=np.array(-5)), "seed is -5; allowed"),
+        (lambda: VectorEnv(TASK, 2, device="cpu").reset(options={"reset_mask": [[True], [True, False]]}), "reset_mask"),
         (lambda: VectorEnv(TASK, 0), "num_envs"),
         (lambda: VectorEnv(TASK, 1, arrays="jax"), "arrays is 'jax'; allowed: numpy, torch"),
         (lambda: VectorEnv(TASK, 1, autoreset_mode="never"), "autoreset_mode is 'never'; allowed: NextStep"),
@@ -131,6 +133,22 @@ def test_bad_actions_are_refused_and_change_nothing(device):
 )
 def test_bad_arguments_are_told_in_one_line(call, said):
     refused(call, said)
+
+
+def test_a_seed_may_be_an_array_of_no_dimension(device):
+    for env in (Env(SHORT, device=device), VectorEnv(SHORT, 2, device=device)):
+        assert np.array_equal(env.reset(seed=np.array(5))[0], env.reset(seed=5)[0])
+
+
+def test_one_environment_takes_tensors_of_the_host(device):
+    torch = pytest.importorskip("torch")
+    env = Env(SHORT, device=device)
+    env.reset(seed=1)
+    wanted = env.step(np.zeros(2, dtype=np.float32))[0]
+    env.reset(seed=1)
+    refused(lambda: env.step(torch.zeros(2, device="meta")), "action is on meta; allowed: an array of NumPy")
+    refused(lambda: env.step(torch.zeros(3)), "of shape (3,); allowed: floating-point numbers of shape (2,)")
+    assert np.array_equal(env.step(torch.zeros(2, requires_grad=True))[0], wanted)
 
 
 def test_tensors_are_on_the_memory_of_the_environments(device):
