@@ -44,6 +44,20 @@ def test_sb3(device):
         SB3VecEnv(envs("numpy", device, "NextStep"))
 
 
+def test_sb3_with_images_beside_states(device):
+    pytest.importorskip("stable_baselines3", reason="pip install 'otwarp[learning]'")
+    from otwarp.envs.adapters.sb3 import SB3VecEnv
+
+    task = task_of("otwarp/Navigate-v0", observation="both", image_size=(8, 8), time_limit=0.1)
+    vec = SB3VecEnv(VectorEnv(task, 2, device=device, autoreset_mode="SameStep"))
+    vec.reset()
+    for _ in range(2):
+        seen, _, over, infos = vec.step(np.zeros((2, 2), dtype=np.float32))
+    last = infos[1]["terminal_observation"]
+    assert over.all() and vec.observation_space.contains(last) and set(seen) == {"image", "state"}
+    assert not np.array_equal(last["state"], seen["state"][1])
+
+
 def test_skrl(device):
     torch = pytest.importorskip("torch")
     pytest.importorskip("skrl", reason="pip install 'otwarp[learning]'")

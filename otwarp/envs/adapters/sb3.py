@@ -31,8 +31,8 @@ class SB3VecEnv(VecEnv):
         self._first: int | None = None
         super().__init__(envs.num_envs, envs.single_observation_space, envs.single_action_space)
 
-    def reset(self) -> np.ndarray:
-        """(N, O) what is seen first; with the seed of `seed`, once."""
+    def reset(self) -> Any:
+        """What is seen first, (N, O), or arrays by name; with the seed of `seed`, once."""
         observations, _ = self.envs.reset(seed=self._first)
         self.reset_infos, self._first = [{} for _ in range(self.num_envs)], None
         return observations
@@ -46,7 +46,7 @@ class SB3VecEnv(VecEnv):
         """Remember actions for `step_wait`."""
         self._actions = actions
 
-    def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+    def step_wait(self) -> tuple[Any, np.ndarray, np.ndarray, list[dict[str, Any]]]:
         """Observations, rewards, ends and information of a period."""
         assert self._actions is not None, "step_async first"
         observations, rewards, terminated, truncated, info = self.envs.step(self._actions)
@@ -54,7 +54,7 @@ class SB3VecEnv(VecEnv):
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for n in np.flatnonzero(over):
             infos[n] = {
-                "terminal_observation": info["final_obs"][n],
+                "terminal_observation": _of(info["final_obs"], n),
                 "TimeLimit.truncated": bool(truncated[n] and not terminated[n]),
                 "is_success": bool(info["success"][n]),
             }
@@ -86,3 +86,8 @@ class SB3VecEnv(VecEnv):
         if indices is None:
             return range(self.num_envs)
         return [indices] if isinstance(indices, int) else indices
+
+
+def _of(seen: Any, n: Any) -> Any:
+    """What environment `n` shows, an array or arrays by name."""
+    return {name: values[n] for name, values in seen.items()} if isinstance(seen, dict) else seen[n]
