@@ -91,6 +91,31 @@ def test_a_policy_plays_an_episode(capsys):
     assert "seed 0: failure" in capsys.readouterr().out
 
 
+def test_what_a_policy_did_is_an_object_for_a_program(capsys):
+    short = ["--option", "time_limit=0.1", "--json", "--device", "cpu", "--seed", "3"]
+    assert main(["envs", "play", "otwarp/Navigate-v0", "--policy", "still", *short]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["seed"] == 3 and told["end"] == "out of time" and told["seconds"] == pytest.approx(0.1)
+    assert not told["success"]
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (["--policy", "still", "--device", "bogus"], "bogus"),
+        (["--policy", "still", "--left", "mouse"], "--left with --policy, which runs no session; allowed: --seed"),
+        (["--policy", "still", "--speed", "1"], "--speed with --policy"),
+        (["--policy", "still", "--duration", "1"], "--duration with --policy"),
+        (["--policy", "still", "--no-page"], "--page with --policy"),
+        (["--option", "time_limit=1"], "--option time_limit=1 without --policy"),
+    ],
+)
+def test_options_that_would_do_nothing_are_refused(given, said, capsys):
+    assert main(["envs", "play", "otwarp/Navigate-v0", *given]) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1, error
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize("ending", ["gif", "mp4"])
 def test_an_episode_is_filmed(ending: str, tmp_path: Path, capsys):
