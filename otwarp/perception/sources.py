@@ -18,7 +18,7 @@ from otwarp.scene.transforms import rotation_matrix
 from otwarp.vision.networks.run import Estimator as Network
 from otwarp.vision.rendering import Rendering
 from otwarp.vision.tracking.commands import Commands
-from otwarp.vision.tracking.matching import Matcher
+from otwarp.vision.tracking.matching import Matcher, TemplateErrors
 from otwarp.vision.tracking.recorded import RecordedBody, in_camera
 from otwarp.vision.tracking.rotations import exponential, product
 from otwarp.vision.tracking.shape import Shape
@@ -35,7 +35,7 @@ DEPTHS, TILTS = 1.5, math.radians(12.0)
 BALLS = 2.0
 """By how much templates of a ball go farther."""
 
-VERSION = 2
+VERSION = 3
 """Of templates on disk: raise it with any change of what they are."""
 
 
@@ -96,7 +96,8 @@ def templates_of(
     found = template_source(gone, size, rendering=rendering, device=device, progress=progress)
     t = found.matcher.templates
     flags = np.array([t.ball, t.reversible])
-    arrays = {"tilt": t.tilt, "depth": t.depth, "splines": t.splines, "flags": flags, "errors": found.matcher.errors}
+    errors = {f"errors_{name}": values for name, values in vars(found.matcher.errors).items()}
+    arrays = {"tilt": t.tilt, "depth": t.depth, "splines": t.splines, "flags": flags, **errors}
     cache.save(cache_folder() / "templates", about, arrays)
     return found
 
@@ -126,7 +127,8 @@ def _kept(scene: Scene, about: str) -> TemplateSource | None:
     tilt, depth, splines = (arrays[name] for name in ("tilt", "depth", "splines"))
     pixel, sensor = camera_of(scene).pixel_size, sensor_of(scene)
     templates = Templates(tilt, depth, splines, pixel, sensor, ball, reversible)
-    return TemplateSource(Matcher(templates, arrays["errors"]))
+    errors = TemplateErrors(*(arrays[f"errors_{field.name}"] for field in dataclasses.fields(TemplateErrors)))
+    return TemplateSource(Matcher(templates, errors))
 
 
 def _side(scene: Scene, index: int, shape: Shape) -> np.ndarray | None:
