@@ -54,7 +54,7 @@ def test_unequal_powers_choose_the_end_that_rises(device):
 
 def test_the_cell_delivery_starts_anywhere_if_asked():
     (shift,) = task_of("otwarp/CellDelivery-v0", start="anywhere").shifts
-    assert shift.half[0] > 60.0 and len(shift.bodies) == 3 and len(shift.traps) == 7
+    assert shift.half[0] > 60.0 and len(shift.bodies) == 3 and len(shift.traps) == 6
     assert not task_of("otwarp/CellDelivery-v0").shifts
     with pytest.raises(InputError, match="start of otwarp/CellDelivery-v0 is 'here'; allowed: scene, anywhere"):
         task_of("otwarp/CellDelivery-v0", start="here")
