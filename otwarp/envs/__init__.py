@@ -11,13 +11,13 @@ batch          worlds on a device: actions in, a period of control, verdicts out
 observer       what a learner would see of worlds that something else steps
 scenes         the shipped scenes, as tasks step them
 places         a task's scene as terms read it
-variants       randomised parameters: a table of them
-rows           its rows, copied into worlds that start anew
+randomise      what differs from episode to episode
 actions        what is accepted of actions
 results        verdicts as arrays of NumPy or tensors of torch
 spaces         spaces of observations and actions
 single         `Env`, one environment
 vector         `VectorEnv`, many
+grouped        both of scenes that differ in what a model fixes
 check          what vector environments promise, checked bit for bit
 picture        pictures of worlds
 images         images of the microscope as observations
@@ -45,7 +45,10 @@ if TYPE_CHECKING:
     from otwarp.envs.batch import Batch as Batch
     from otwarp.envs.check import check_vector as check_vector
     from otwarp.envs.goal_task import from_scene as from_scene
+    from otwarp.envs.grouped import GroupedEnv as GroupedEnv
+    from otwarp.envs.grouped import GroupedVectorEnv as GroupedVectorEnv
     from otwarp.envs.kernels.types import TaskNow as TaskNow
+    from otwarp.envs.randomise.groups import group_tasks as group_tasks
     from otwarp.envs.registration import task_of as task_of
     from otwarp.envs.single import Env as Env
     from otwarp.envs.task import Hand as Hand
@@ -59,7 +62,9 @@ _NAMES = {
     "batch": ("Batch",),
     "check": ("check_vector",),
     "goal_task": ("from_scene",),
+    "grouped": ("GroupedEnv", "GroupedVectorEnv"),
     "kernels.types": ("TaskNow",),
+    "randomise.groups": ("group_tasks",),
     "registration": ("task_of",),
     "single": ("Env",),
     "task": ("Hand", "Shift", "Task"),

@@ -14,9 +14,9 @@ from otwarp.envs.kernels.judge import VerdictData
 from otwarp.envs.kernels.starts import NEXT_EPISODE, StartData
 from otwarp.envs.layout import Layout
 from otwarp.envs.places import episode_data, limited_scene, place_data, stepped_scene
-from otwarp.envs.rows import row_data
-from otwarp.envs.task import Task
-from otwarp.envs.variants import Variants
+from otwarp.envs.randomise.rows import row_data
+from otwarp.envs.randomise.variants import Variants
+from otwarp.envs.task import Task, check_task
 from otwarp.errors import InputError
 from otwarp.kernels.core.types import StateData
 from otwarp.simulation.model import Model
@@ -62,6 +62,7 @@ class Batch:
         device: str | wp.Device | None = None,
         autoreset: Autoreset = "next",
     ):
+        check_task(task)
         worlds = whole("num_envs", worlds, 1)
         self.task, self.worlds, self.device = task, worlds, pick_device(device)
         self.autoreset = autoreset

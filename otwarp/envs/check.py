@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from otwarp.envs.grouped import GroupedVectorEnv
 from otwarp.envs.single import Env
 from otwarp.envs.vector import VectorEnv
 from otwarp.errors import InputError
@@ -45,13 +46,13 @@ def check_vector(
     num_envs, steps, seed = whole("num_envs", num_envs, 2), whole("steps", steps, 1), whole("seed", seed, 0)
     modes = {mode: make(num_envs, mode) for mode in (NEXT, SAME, OFF)}
     ones = {mode: make(1, mode) for mode in modes}
-    alone = single() if single else _single(modes[OFF], make)
+    alone = [single()] if single else _singles(modes[OFF], make)
     try:
         actions = _actions(modes[NEXT], num_envs, 2 * steps + 2, seed)
         done = []
         for mode, env in modes.items():
-            _check_declared(env, mode, alone)
-            stories = [_story(alone, actions[:, i], mode, seed + i) for i in range(num_envs)]
+            _check_declared(env, mode, alone[0])
+            stories = [_story(alone[i % len(alone)], actions[:, i], mode, seed + i) for i in range(num_envs)]
             ended = any(p.over for story in stories for p in story[: steps + 1])
             _claim(ended, f"no episode ends within {steps} periods of random actions: nothing to check")
             _check_mode(env, mode, stories, actions, seed)
@@ -69,7 +70,7 @@ def check_vector(
             "arrays are the caller's own",
         ]
     finally:
-        for env in (*modes.values(), *ones.values(), alone):
+        for env in (*modes.values(), *ones.values(), *alone):
             env.close()
 
 
@@ -89,9 +90,11 @@ class _First:
         return _row(seen, 0), reward[0], bool(terminated[0]), bool(truncated[0]), _told(info, 0)
 
 
-def _single(env: Any, make: Make) -> Any:
-    """The environment that is the measure where none is given."""
-    return Env(env.task, device=str(env.batch.device)) if isinstance(env, VectorEnv) else _First(make(1, OFF))
+def _singles(env: Any, make: Make) -> list[Any]:
+    """The measure where none is given: of environment i, number i modulo how many there are."""
+    if isinstance(env, GroupedVectorEnv):
+        return [Env(task, device=str(env.device)) for task in env.tasks]
+    return [Env(env.task, device=str(env.device)) if isinstance(env, VectorEnv) else _First(make(1, OFF))]
 
 
 def _actions(env: Any, count: int, steps: int, seed: int) -> np.ndarray:

@@ -40,6 +40,8 @@ def from_scene(scene: Scene | str | Path, **changes: Any) -> Task:
         >>> [hand.name for hand in task.hands]
         ['left', 'right']
     """
+    if not isinstance(scene, Scene | str | Path):
+        raise InputError(f"scene is {scene!r}; allowed: a Scene, or the file of one")
     loaded = scene if isinstance(scene, Scene) else Scene.load(scene)
     where = loaded.file or loaded.root
     goal = loaded.goal

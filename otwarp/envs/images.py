@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from otwarp.envs.actions import is_tensor
 from otwarp.envs.batch import Batch
 from otwarp.envs.task import Task
 from otwarp.errors import InputError
@@ -61,9 +62,12 @@ class Images:
             grey = self._photographer.worlds(position[some], orientation[some], regions, numbers)
             self.levels[some, :, :, 0] = self._binned(grey)
 
-    def observed(self, state: np.ndarray) -> Any:
-        """What worlds show: (W, height, width, 1) images, or these beside the (W, O) state."""
-        levels = self.levels.copy()
+    def observed(self, state: Any) -> Any:
+        """What worlds show: (W, height, width, 1) images, or these beside the (W, O) state.
+
+        They are tensors where the state is one, on its device: of a CPU on the memory of the images, else copied there.
+        """
+        levels = tensor_beside(state, self.levels) if is_tensor(state) else self.levels.copy()
         return levels if self.batch.task.observation == "image" else {"image": levels, "state": state}
 
     def _region(self, body: np.ndarray) -> Any:
@@ -95,7 +99,16 @@ def only(seen: Any, chosen: np.ndarray) -> Any:
     """Observations of worlds, those of the others zero."""
     if isinstance(seen, dict):
         return {name: only(values, chosen) for name, values in seen.items()}
+    if is_tensor(seen):
+        return seen * tensor_beside(seen, chosen).reshape(-1, *[1] * (seen.ndim - 1))
     return np.where(chosen.reshape(-1, *[1] * (seen.ndim - 1)), seen, np.zeros_like(seen))
+
+
+def tensor_beside(other: Any, values: np.ndarray) -> Any:
+    """An array as a tensor of torch, on the device of another one."""
+    import torch
+
+    return torch.from_numpy(values).to(other.device)
 
 
 def check_refracts(task: Task, scene: Scene) -> None:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from pettingzoo import ParallelEnv as PettingZooParallelEnv
 
-from otwarp.envs.single import Env
+from otwarp.envs.grouped import environment
 from otwarp.envs.task import Task
 from otwarp.errors import InputError
 
@@ -32,11 +32,11 @@ class ParallelEnv(PettingZooParallelEnv):
 
         if task.choices:
             raise InputError(f"task {task.name} has choices, which are of all hands; allowed: tasks without")
-        self.env = Env(task, device=device, render_mode=render_mode)
+        self.env = environment(task, device=device, render_mode=render_mode)
         self.render_mode = render_mode
         self.possible_agents = [hand.name for hand in task.hands]
         self.agents: list[str] = []
-        self._columns = dict(zip(self.possible_agents, self.env.batch.layout.of_hand, strict=True))
+        self._columns = dict(zip(self.possible_agents, self.env.layout.of_hand, strict=True))
         sizes = {agent: (len(columns),) for agent, columns in self._columns.items()}
         self.action_spaces = {agent: spaces.Box(-1.0, 1.0, size, np.float32) for agent, size in sizes.items()}
         self.observation_spaces = {agent: self.env.observation_space for agent in self.possible_agents}
@@ -69,7 +69,7 @@ class ParallelEnv(PettingZooParallelEnv):
         if not isinstance(actions, Mapping) or set(actions) != set(self.agents):
             of = ", ".join(map(str, actions)) or "nobody" if isinstance(actions, Mapping) else repr(actions)
             raise InputError(f"actions of {of}; allowed: of {', '.join(self.agents)}")
-        joined = np.zeros(len(self.env.batch.layout.acted), dtype=np.float32)
+        joined = np.zeros(len(self.env.layout.acted), dtype=np.float32)
         for agent, columns in self._columns.items():
             joined[columns] = self._action(agent, actions[agent])
         seen, reward, terminated, truncated, info = self.env.step(joined)

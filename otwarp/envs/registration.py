@@ -89,19 +89,19 @@ def _split(options: dict[str, Any], own: tuple[str, ...]) -> tuple[dict[str, Any
 
 
 def make_env(name: str, **options: Any) -> Any:
-    """One environment; see `Env` and `task_of` for its options."""
-    from otwarp.envs.single import Env
+    """One environment; see `Env`, `GroupedEnv` and `task_of` for its options."""
+    from otwarp.envs.grouped import environment
 
     own, changes = _split(options, ENV_OPTIONS)
-    return _wrapped(name, Env(task_of(name, **changes), **own))
+    return _wrapped(name, environment(task_of(name, **changes), **own))
 
 
 def make_vector(name: str, num_envs: int = 1, **options: Any) -> Any:
-    """Many environments; see `VectorEnv` and `task_of` for their options."""
-    from otwarp.envs.vector import VectorEnv
+    """Many environments; see `VectorEnv`, `GroupedVectorEnv` and `task_of` for their options."""
+    from otwarp.envs.grouped import environments
 
     own, changes = _split(options, VECTOR_OPTIONS)
-    return _wrapped(name, VectorEnv(task_of(name, **changes), num_envs, **own))
+    return _wrapped(name, environments(task_of(name, **changes), num_envs, **own))
 
 
 def _wrapped(name: str, env: Any) -> Any:

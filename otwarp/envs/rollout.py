@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from otwarp.envs.batch import Batch
+from otwarp.envs.randomise.groups import group_tasks
 from otwarp.envs.results import information
 from otwarp.envs.task import Policy, Task
 from otwarp.errors import InputError
@@ -99,24 +100,40 @@ def run_policy(
         device: Where; None for the best available.
         watch: Called with the batch at the start and after each period.
 
+    Environment i has model i mod G, where the scenes of a task differ, as in a `GroupedVectorEnv`; these run one after
+    the other.
+
     Raises:
         InputError: The task cannot be, or the policy returns something else.
     """
-    count = min(worlds or episodes, episodes)
-    batch = Batch(task, count, device=device, autoreset="off")
-    account = _Account()
-    for first in range(0, episodes, count):
-        _run_block(batch, policy, min(count, episodes - first), seed + first, account, watch)
-    rows = {name: np.concatenate(parts) for name, parts in account.rows.items()}
-    return Rollout(rows["success"], rows["outcome"], rows["earned"], rows["n"])
+    tasks = group_tasks(task)
+    found: dict[str, np.ndarray] = {}
+    for g, one in enumerate(tasks[:episodes]):
+        numbers = np.arange(g, episodes, len(tasks))
+        count = min(worlds or episodes, len(numbers))
+        batch, account = Batch(one, count, device=device, autoreset="off"), _Account()
+        for first in range(0, len(numbers), count):
+            # the last block is filled up with environments that do not count
+            some = numbers[first : first + count]
+            seeds = seed + some[0] + np.arange(count) * len(tasks)
+            _run_block(batch, policy, len(some), seeds % 2**32, account, watch)
+        for name, parts in account.rows.items():
+            rows = np.concatenate(parts)
+            found.setdefault(name, np.empty(episodes, dtype=rows.dtype))[numbers] = rows
+    return Rollout(found["success"], found["outcome"], found["earned"], found["n"])
 
 
 def _run_block(
-    batch: Batch, policy: Policy, wanted: int, seed: int, account: _Account, watch: Callable[[Batch], None] | None
+    batch: Batch,
+    policy: Policy,
+    wanted: int,
+    seeds: np.ndarray,
+    account: _Account,
+    watch: Callable[[Batch], None] | None,
 ) -> None:
     """An episode of each world, of which the first `wanted` count."""
     w, columns, out = batch.worlds, batch.layout.seen, batch.verdict
-    batch.restart(seeds=(seed + np.arange(w)) % 2**32)
+    batch.restart(seeds=seeds)
     scale = np.array([c.scale for c in columns])
     earned, periods = np.zeros(w), np.zeros(w, dtype=int)
     success, outcome, running = np.zeros(w, dtype=bool), np.zeros(w, dtype=int), np.ones(w, dtype=bool)

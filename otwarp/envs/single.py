@@ -10,10 +10,11 @@ import numpy as np
 from otwarp.envs.actions import check, read_action, write_actions
 from otwarp.envs.batch import Batch
 from otwarp.envs.images import images_of
+from otwarp.envs.layout import Layout
 from otwarp.envs.picture import Picture
 from otwarp.envs.results import blank, information, reader
 from otwarp.envs.spaces import action_space, observation_space
-from otwarp.envs.task import Task
+from otwarp.envs.task import Task, check_task
 from otwarp.envs.window import Window
 from otwarp.errors import InputError
 
@@ -34,6 +35,7 @@ class Env(gymnasium.Env):
     """
 
     def __init__(self, task: Task, *, device: str | None = "cpu", render_mode: str | None = None):
+        check_task(task)
         if render_mode not in (None, *MODES):
             raise InputError(f"render_mode is {render_mode!r}; allowed: {', '.join(MODES)}, or None")
         self.metadata = {"render_modes": list(MODES), "render_fps": task.rate}
@@ -48,6 +50,11 @@ class Env(gymnasium.Env):
         self._picture = Picture(self.batch) if render_mode == "rgb_array" else None
         self.window = Window(self.batch) if render_mode == "human" else None
         self._started = self.closed = False
+
+    @property
+    def layout(self) -> Layout:
+        """What the numbers of observations and actions are."""
+        return self.batch.layout
 
     def refuse_closed(self) -> None:
         """Refuse to go on after `close`.
@@ -66,13 +73,11 @@ class Env(gymnasium.Env):
             gymnasium.error.ClosedEnvironmentError: After `close`.
         """
         self.refuse_closed()
-        given: Any = seed.item() if isinstance(seed, np.ndarray) and seed.ndim == 0 else seed
-        if given is not None and (isinstance(given, bool) or not isinstance(given, int | np.integer) or given < 0):
-            raise InputError(f"seed is {given!r}; allowed: a whole number from 0 on, or None")
+        given = read_seed(seed)
         if options:
             raise InputError(f"option {next(iter(options))!r} of reset is unknown; allowed: none")
-        super().reset(seed=None if given is None else int(given))
-        first = -1 if given is None else int(given) % 2**32
+        super().reset(seed=given)
+        first = -1 if given is None else given % 2**32
         if first < 0 and not self._started:
             first = int(self.np_random.integers(0, 2**32))
         self.batch.restart(None, np.array([first]))
@@ -121,3 +126,15 @@ class Env(gymnasium.Env):
         self.closed = True
         if self.window is not None:
             self.window.close()
+
+
+def read_seed(seed: Any) -> int | None:
+    """The seed that `reset` takes.
+
+    Raises:
+        InputError: It is none.
+    """
+    given = seed.item() if isinstance(seed, np.ndarray) and seed.ndim == 0 else seed
+    if given is not None and (isinstance(given, bool) or not isinstance(given, int | np.integer) or given < 0):
+        raise InputError(f"seed is {given!r}; allowed: a whole number from 0 on, or None")
+    return None if given is None else int(given)

@@ -211,6 +211,16 @@ class Task:
         return self.scene if isinstance(self.scene, Scene) else Scene.load(self.scene)
 
 
+def check_task(task: Any) -> None:
+    """Refuse what is no task.
+
+    Raises:
+        InputError: It is none.
+    """
+    if not isinstance(task, Task):
+        raise InputError(f"task is {task!r}; allowed: a Task, as task_of('otwarp/Navigate-v0') and from_scene make it")
+
+
 def _check_text(name: str, value: Any) -> None:
     if not isinstance(value, str) or not value:
         raise InputError(f"{name} is {value!r}; allowed: a text")

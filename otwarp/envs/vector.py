@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
+import warp as wp
 from gymnasium.error import ClosedEnvironmentError
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector import VectorEnv as GymnasiumVectorEnv
@@ -14,10 +15,11 @@ from gymnasium.vector.utils import batch_space
 from otwarp.envs.actions import is_tensor, write_actions
 from otwarp.envs.batch import Batch
 from otwarp.envs.images import images_of, only
+from otwarp.envs.layout import Layout
 from otwarp.envs.picture import Picture
 from otwarp.envs.results import Arrays, blank, information, masked, reader
 from otwarp.envs.spaces import action_space, observation_space
-from otwarp.envs.task import Task
+from otwarp.envs.task import Task, check_task
 from otwarp.errors import InputError
 from otwarp.simulation.packing.arguments import whole
 
@@ -56,6 +58,7 @@ class VectorEnv(GymnasiumVectorEnv):
         render_mode: str | None = None,
         render_envs: Sequence[int] = (0,),
     ):
+        check_task(task)
         try:
             mode = AutoresetMode(autoreset_mode)
         except ValueError:
@@ -65,8 +68,6 @@ class VectorEnv(GymnasiumVectorEnv):
             raise InputError(f"render_mode is {render_mode!r}; allowed: rgb_array, or None")
         self._read = reader(arrays)
         blind = task.observation == "state"
-        if not blind and arrays != "numpy":
-            raise InputError(f"arrays is {arrays!r}, but images are computed on the host; allowed: numpy")
         # images of what an episode has come to are taken before its world starts anew
         self._restarts = mode is AutoresetMode.SAME_STEP and not blind
         autoreset = "off" if self._restarts else MODES[mode]
@@ -80,10 +81,18 @@ class VectorEnv(GymnasiumVectorEnv):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._picture = Picture(self.batch) if render_mode else None
-        if isinstance(render_envs, str) or not isinstance(render_envs, Iterable):
-            raise InputError(f"render_envs is {render_envs!r}; allowed: indices from 0 to {num_envs - 1}, as a tuple")
-        self._drawn = tuple(whole("render_envs", n, 0, num_envs - 1) for n in render_envs)
+        self._drawn = drawn(render_envs, num_envs)
         self._started = False
+
+    @property
+    def layout(self) -> Layout:
+        """What the numbers of observations and actions are."""
+        return self.batch.layout
+
+    @property
+    def device(self) -> wp.Device:
+        """Where the environments are."""
+        return self.batch.device
 
     def refuse_closed(self) -> None:
         """Refuse to go on after `close`.
@@ -109,13 +118,24 @@ class VectorEnv(GymnasiumVectorEnv):
             gymnasium.error.ClosedEnvironmentError: After `close`.
         """
         self.refuse_closed()
-        mask = self._mask(options)
-        seeds = self._seeds(seed)
+        mask, seeds = read_mask(options, self.num_envs), read_seeds(seed, self.num_envs)
+        if seed is not None and np.ndim(seed) == 0:
+            super().reset(seed=int(seed))  # type: ignore[arg-type]
         if not self._started and mask is not None and not mask.all():
             raise InputError("reset_mask leaves environments out that were never reset; allowed: a reset of all first")
         if not self._started:
-            fresh = self._first_seeds(seeds)
+            first = int(self.np_random.integers(0, 2**32))
+            fresh = (first + np.arange(self.num_envs, dtype=np.int64)) % 2**32
             seeds = np.where(seeds < 0, fresh, seeds)
+        return self.restarted(mask, seeds)
+
+    def restarted(self, mask: np.ndarray | None, seeds: np.ndarray) -> tuple[Any, dict[str, Any]]:
+        """What environments show that start anew.
+
+        Args:
+            mask: (N) bool, which ones; None for all.
+            seeds: (N) whole numbers, -1 to go on with the next episode.
+        """
         self.batch.restart(mask, seeds)
         self._started = True
         everyone = np.ones(self.num_envs, dtype=bool) if mask is None else mask
@@ -128,44 +148,6 @@ class VectorEnv(GymnasiumVectorEnv):
             return state
         self._images.record(fresh)
         return self._images.observed(state)
-
-    def _first_seeds(self, seeds: np.ndarray) -> np.ndarray:
-        """(N) consecutive seeds, from the system where none is given."""
-        first = int(self.np_random.integers(0, 2**32))
-        return (first + np.arange(self.num_envs, dtype=np.int64)) % 2**32
-
-    def _seeds(self, seed: Any) -> np.ndarray:
-        """(N) whole numbers, -1 for none."""
-        if seed is None:
-            return np.full(self.num_envs, -1, dtype=np.int64)
-        if isinstance(seed, np.ndarray) and seed.ndim == 0:
-            seed = seed.item()
-        if isinstance(seed, int | np.integer) and not isinstance(seed, bool):
-            given: list[Any] = [int(seed) + i for i in range(self.num_envs)]
-            super().reset(seed=int(seed)) if seed >= 0 else None
-        else:
-            given = list(seed) if isinstance(seed, Sequence | np.ndarray) else [seed]
-        good = all(s is None or (isinstance(s, int | np.integer) and not isinstance(s, bool) and s >= 0) for s in given)
-        if len(given) != self.num_envs or not good:
-            raise InputError(f"seed is {seed!r}; allowed: a whole number from 0 on, or {self.num_envs} of them or None")
-        return np.array([-1 if s is None else int(s) % 2**32 for s in given], dtype=np.int64)
-
-    def _mask(self, options: dict[str, Any] | None) -> np.ndarray | None:
-        """(N) bool, or None for all."""
-        for name in options or {}:
-            if name not in _OPTIONS:
-                raise InputError(f"option {name!r} of reset is unknown; allowed: {', '.join(_OPTIONS)}")
-        mask = (options or {}).get("reset_mask")
-        if mask is None:
-            return None
-        try:
-            mask = mask.cpu().numpy() if is_tensor(mask) else np.asarray(mask)
-        except (TypeError, ValueError):  # rows of unequal length
-            mask = np.array(None)
-        if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
-            raise InputError(f"reset_mask is {mask.dtype} of shape {mask.shape} with {np.count_nonzero(mask)} set; "
-                             f"allowed: bool of shape ({self.num_envs},), one of them at least")  # fmt: skip
-        return mask
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """One period of control.
@@ -184,12 +166,14 @@ class VectorEnv(GymnasiumVectorEnv):
         self.refuse_closed()
         if not self._started:
             raise InputError("step before the first reset; allowed: reset() first")
+        if self.mode is AutoresetMode.DISABLED:
+            refuse_over(self.batch.done)
+        write_actions(self.task, actions, self.batch.actions)
+        return self.advance()
+
+    def advance(self) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        """The period whose actions are in the batch; see `step`."""
         batch, read = self.batch, self._read
-        if self.mode is AutoresetMode.DISABLED and batch.done.any():
-            over = np.flatnonzero(batch.done)
-            raise InputError(f"step of environment {over[0]}, whose episode is over; "
-                             'allowed: reset(options={"reset_mask": …}) first')  # fmt: skip
-        write_actions(self.task, actions, batch.actions)
         batch.step()
         out = batch.verdict
         terminated, truncated = read(out.terminated), read(out.truncated)
@@ -198,9 +182,10 @@ class VectorEnv(GymnasiumVectorEnv):
         reward, seen, over = read(out.reward), self._observed(), terminated | truncated
         if self._restarts:
             if over.any():
-                self._add_final(info, over, only(seen, over))
-                batch.restart(over)
-                seen = self._observed(over)
+                ended = over.cpu().numpy() if is_tensor(over) else over
+                self._add_final(info, over, only(seen, ended))
+                batch.restart(ended)
+                seen = self._observed(ended)
         elif self.mode is AutoresetMode.SAME_STEP and (self.arrays != "numpy" or over.any()):
             self._add_final(info, over, read(out.last_seen))
         return seen, reward, terminated, truncated, info
@@ -215,3 +200,67 @@ class VectorEnv(GymnasiumVectorEnv):
     def render(self) -> tuple[np.ndarray, ...] | None:
         """(height, width, 3) pictures of `render_envs`; None without a render mode."""
         return None if self._picture is None else tuple(self._picture.draw(n) for n in self._drawn)
+
+
+def drawn(render_envs: Any, num_envs: int) -> tuple[int, ...]:
+    """Indices of the environments that are drawn.
+
+    Raises:
+        InputError: They are none.
+    """
+    if isinstance(render_envs, str) or not isinstance(render_envs, Iterable):
+        raise InputError(f"render_envs is {render_envs!r}; allowed: indices from 0 to {num_envs - 1}, as a tuple")
+    return tuple(whole("render_envs", n, 0, num_envs - 1) for n in render_envs)
+
+
+def refuse_over(done: np.ndarray) -> None:
+    """Refuse a step of environments whose episode is over, (N) bool.
+
+    Raises:
+        InputError: There are some.
+    """
+    if done.any():
+        raise InputError(f"step of environment {np.flatnonzero(done)[0]}, whose episode is over; "
+                         'allowed: reset(options={"reset_mask": …}) first')  # fmt: skip
+
+
+def read_seeds(seed: Any, num_envs: int) -> np.ndarray:
+    """(N) whole numbers, -1 for none, of what `reset` takes.
+
+    Raises:
+        InputError: No seed, or seeds of others.
+    """
+    if seed is None:
+        return np.full(num_envs, -1, dtype=np.int64)
+    if isinstance(seed, np.ndarray) and seed.ndim == 0:
+        seed = seed.item()
+    if isinstance(seed, int | np.integer) and not isinstance(seed, bool):
+        given: list[Any] = [int(seed) + i for i in range(num_envs)]
+    else:
+        given = list(seed) if isinstance(seed, Sequence | np.ndarray) else [seed]
+    good = all(s is None or (isinstance(s, int | np.integer) and not isinstance(s, bool) and s >= 0) for s in given)
+    if len(given) != num_envs or not good:
+        raise InputError(f"seed is {seed!r}; allowed: a whole number from 0 on, or {num_envs} of them or None")
+    return np.array([-1 if s is None else int(s) % 2**32 for s in given], dtype=np.int64)
+
+
+def read_mask(options: dict[str, Any] | None, num_envs: int) -> np.ndarray | None:
+    """(N) bool of the options that `reset` takes, or None for all.
+
+    Raises:
+        InputError: An option that is none, or no mask.
+    """
+    for name in options or {}:
+        if name not in _OPTIONS:
+            raise InputError(f"option {name!r} of reset is unknown; allowed: {', '.join(_OPTIONS)}")
+    mask = (options or {}).get("reset_mask")
+    if mask is None:
+        return None
+    try:
+        mask = mask.cpu().numpy() if is_tensor(mask) else np.asarray(mask)
+    except (TypeError, ValueError):  # rows of unequal length
+        mask = np.array(None)
+    if mask.shape != (num_envs,) or mask.dtype != bool or not mask.any():
+        raise InputError(f"reset_mask is {mask.dtype} of shape {mask.shape} with {np.count_nonzero(mask)} set; "
+                         f"allowed: bool of shape ({num_envs},), one of them at least")  # fmt: skip
+    return mask

@@ -273,7 +273,7 @@ def test_a_period_is_cut_for_the_hardest_variant(device):
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"randomise": {"/World/bead/sphere.radius": studies.values([1.0], unit="µm")}}, "an attribute of the stage"),
+        ({"randomise": {"/World/bead/sphere.radius": studies.values([1.0], unit="µm")}}, "its scene has no file"),
         ({"randomise": {"turn:/World/bead": studies.values([[0, 0, 1.0]], unit="rad")}}, "where no body rotates"),
         ({"speed_limit": 0.0}, "speed_limit of task tests/Bead-v0 is 0.0; allowed: a number from 0.001 to 10000 µm/s"),
         ({"action": "force"}, "allowed: velocity, power, both"),

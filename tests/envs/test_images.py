@@ -54,6 +54,32 @@ def test_states_beside_images_are_those_without_and_final_ones_come_before_the_s
             assert np.any(told["final_obs"]["image"] != seen["image"])
 
 
+@pytest.mark.parametrize(("kind", "mode"), [("image", "SameStep"), ("both", "NextStep")])
+def test_tensors_of_images_are_the_arrays(kind, mode, device):
+    torch = pytest.importorskip("torch")
+    task = dataclasses.replace(SMALL, observation=kind)
+    arrays, tensors = (VectorEnv(task, 2, device=device, arrays=a, autoreset_mode=mode) for a in ("numpy", "torch"))
+    seen, also = arrays.reset(seed=3)[0], tensors.reset(seed=3)[0]
+    action, ended = np.full((2, 2), 0.8, dtype=np.float32), False
+    for _ in range(9):
+        _are_alike(also, seen)
+        seen, _, terminated, truncated, told = arrays.step(action)
+        also, *_, same = tensors.step(torch.as_tensor(action, device=str(tensors.device)))
+        if "final_obs" in told:
+            _are_alike(same["final_obs"], told["final_obs"])
+        ended |= bool(np.any(terminated | truncated))
+    assert ended
+
+
+def _are_alike(tensors, arrays):
+    if isinstance(arrays, dict):
+        for name in arrays:
+            _are_alike(tensors[name], arrays[name])
+        return
+    assert tensors.dtype.is_floating_point == (arrays.dtype.kind == "f")
+    assert np.array_equal(tensors.cpu().numpy(), arrays)
+
+
 def middle(image, width):
     """(2) where what is not background lies, from the middle, x to the right and y up [pixels]."""
     unlike = np.abs(image[..., 0].astype(float) - np.median(image))
@@ -93,7 +119,6 @@ def unlike_nothing() -> Scene:
     ("call", "said"),
     [
         (lambda: Env(dataclasses.replace(SMALL, scene=unlike_nothing())), "no body has another refractive index"),
-        (lambda: VectorEnv(SMALL, 2, arrays="torch"), "images are computed on the host; allowed: numpy"),
         (lambda: gymnasium.make(PUSH, observation="pixels"), "is 'pixels'; allowed: state, image, both"),
         (lambda: gymnasium.make(PUSH, image_size=(0, 8)), "image_size of task otwarp/Push-v0 is (0, 8); allowed"),
         (lambda: gymnasium.make(PUSH, image_binning=9), "image_binning of task otwarp/Push-v0 is 9; allowed"),

@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("gymnasium")
 
 from otwarp.cli.main import main
-from otwarp.envs import Hand, Shift, VectorEnv
+from otwarp.envs import Env, GroupedEnv, GroupedVectorEnv, Hand, Shift, VectorEnv, from_scene
 from otwarp.envs.batch import Batch
 from otwarp.errors import InputError
 from tests.envs.bead_task import TRAP
@@ -63,6 +63,12 @@ def test_hands_and_shifts_are_told_in_one_line():
     two = (Hand(name="a", traps=(TRAP,)), Hand(name="a", traps=("/World/other",)))
     refused(lambda: dataclasses.replace(TASK, hands=two), "has two hands 'a'; allowed: a name for each")
     refused(lambda: VectorEnv(TASK, 2, device="cpu", render_envs=3), "render_envs is 3; allowed: indices from 0 to 1")
+
+
+def test_what_is_no_task_or_scene_is_told_in_one_line():
+    for make in (Env, VectorEnv, Batch, GroupedEnv, GroupedVectorEnv):
+        refused(lambda make=make: make("otwarp/Navigate-v0"), "task is 'otwarp/Navigate-v0'; allowed: a Task")
+    refused(lambda: from_scene(5), "scene is 5; allowed: a Scene, or the file of one")
 
 
 def test_numbers_may_be_arrays_and_lists():

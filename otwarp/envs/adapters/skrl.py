@@ -34,7 +34,7 @@ class SkrlEnv(Wrapper):
     @property
     def device(self) -> torch.device:
         """Where the environments are."""
-        return torch.device(str(self.envs.unwrapped.batch.device))  # type: ignore[attr-defined]
+        return torch.device(str(self.envs.unwrapped.device))  # type: ignore[attr-defined]
 
     @property
     def observation_space(self) -> gymnasium.Space:

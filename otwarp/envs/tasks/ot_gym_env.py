@@ -109,7 +109,7 @@ def _host(values: Any) -> np.ndarray:
 
 
 def _scale(env: Any) -> np.ndarray:
-    return np.array([column.scale for column in env.unwrapped.batch.layout.seen])
+    return np.array([column.scale for column in env.unwrapped.layout.seen])
 
 
 def _given(strides: Any, wanted: tuple[int, ...]) -> np.ndarray:

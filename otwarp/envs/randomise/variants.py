@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from otwarp.envs.task import Task
 from otwarp.errors import InputError
 from otwarp.scene import Scene
+from otwarp.scene.read.variations import Variations
 from otwarp.simulation.model import Model
 from otwarp.simulation.packing.bodies import is_rigid
 from otwarp.simulation.packing.parameters import PARAMETERS, scene_values
@@ -41,7 +43,7 @@ class Variants:
 
     def __init__(self, task: Task, scene: Scene):
         found = dimensions(dict(task.randomise))
-        rows = _combinations([len(d) for d in found])
+        rows = combinations([len(d) for d in found], MOST)
         self.count = len(rows)
         self.parameters: dict[str, np.ndarray] = {}
         self.starts: np.ndarray | None = None
@@ -52,12 +54,13 @@ class Variants:
 
     def _put(self, task: Task, scene: Scene, name: str, axis: Axis, rows: np.ndarray) -> None:
         """Write the values of one axis into the table."""
-        if name.startswith("/"):
-            raise InputError(f"randomise of task {task.name} has {name}, an attribute of the stage; "
-                             "allowed: parameters that differ from world to world, start:PRIM, turn:PRIM")  # fmt: skip
-        target = target_of(name, scene, cast(Any, None))
-        if target.kind not in ("parameter", "start", "turn"):
-            raise InputError(f"randomise of task {task.name} has {name}; allowed: parameters, start:PRIM, turn:PRIM")
+        # the file tells what an attribute is
+        variations = variations_of(task, scene) if name.startswith("/") else cast(Any, None)
+        target = target_of(name, scene, variations)
+        if target.grouped:
+            raise InputError(f"randomise of task {task.name} has {name}, for which each value needs a model of its "
+                             "own; allowed: parameters that differ from world to world, start:PRIM, turn:PRIM, or "
+                             "GroupedEnv and GroupedVectorEnv of otwarp.envs")  # fmt: skip
         values = target.values(axis)[rows]
         if target.kind == "start":
             self._put_start(target, scene, values)
@@ -116,13 +119,25 @@ class Variants:
         return {name: table[chosen] for name, table in self.parameters.items()}
 
 
-def _combinations(lengths: list[int]) -> np.ndarray:
-    """(V, D) indices: all combinations, or `MOST` of them drawn once."""
+def combinations(lengths: Sequence[int], most: int) -> np.ndarray:
+    """(V, D) indices of values along D dimensions: all combinations, or `most` of them drawn once."""
     total = math.prod(lengths)
-    if total <= MOST:
+    if total <= most:
         return np.stack(np.unravel_index(np.arange(total), lengths), axis=1) if lengths else np.zeros((1, 0), dtype=int)
     draws = np.random.Generator(np.random.Philox(0))
-    return np.stack([draws.integers(0, n, MOST) for n in lengths], axis=1)
+    return np.stack([draws.integers(0, n, most) for n in lengths], axis=1)
+
+
+def variations_of(task: Task, scene: Scene) -> Variations:
+    """What tells of attributes of a task's scene, and gives them other values: its file.
+
+    Raises:
+        InputError: It has none.
+    """
+    if scene.file is None:
+        raise InputError(f"randomise of task {task.name} has attributes of the stage, but its scene has no file; "
+                         "allowed: a scene that was loaded, SceneBuilder saves one")  # fmt: skip
+    return Variations(scene.file)
 
 
 def _authored(task: Task, scene: Scene, name: str) -> np.ndarray:
