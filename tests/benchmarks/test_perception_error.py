@@ -29,12 +29,15 @@ def test_a_report_of_a_tiny_sweep(tmp_path, monkeypatch):
         "weak": {"axes": grid(0, 50, depth=(0.0, 0.2))},
         "chain": {"axes": grid(0, 50, depth=(0.0, 0.2))},
         "pose": {"axes": {"tilt_error": (0.0, 5.0)}},
+        "late_pose": {"axes": {"delay": (0.05,), "tilt_error": (5.0, 10.0)}},
+        "late_lateral": {"axes": {"delay": (0.05,), "lateral_error": (0.0, 0.1)}},
         "unstamped": {"axes": grid(50), "base": Perception(stamped=False)},
         "slow": {"axes": grid(0, depth=(0.2,)), "base": Perception(correlation=0.5)},
         "lateral": {"axes": grid(0), "base": Perception(lateral_error=0.2)},
         "slow_lateral": {"axes": grid(0), "base": Perception(lateral_error=0.2, correlation=0.5)},
         "eyes": {"axes": grid(50), "base": Perception(eyes="twin")},
     }
+    assert small.keys() == perception_error.SWEEPS.keys()
     monkeypatch.setattr(perception_error, "SWEEPS", small)
     monkeypatch.setattr(perception_error, "OUT", tmp_path)
     text = perception_error.report("cpu", 2, 1, tmp_path / "map.png")
@@ -42,3 +45,4 @@ def test_a_report_of_a_tiny_sweep(tmp_path, monkeypatch):
     assert "2 simulated operators in each of 4 cells" in text
     assert "| delay ms: 50, depth error µm: 0.2 |" in text
     assert text.count("| no haptics |") == 3
+    assert "| tilt error °: 10 |" in text and "| error along x and y µm: 0.1 |" in text
