@@ -106,8 +106,9 @@ INNER: dict[str, set[str]] = {
     "vision.networks": {"vision", "vision.datasets", "vision.networks.modules"},
     "vision.networks.modules": {"vision.networks"},
     "vision.tracking": {"vision", "vision.datasets", "vision.networks"},
-    "envs": {"envs.kernels"},
+    "envs": {"envs.kernels", "envs.randomise"},
     "envs.kernels": set(),
+    "envs.randomise": {"envs", "envs.kernels"},
     "envs.experts": {"envs"},
     "envs.adapters": {"envs"},
     "envs.tasks": {"envs", "envs.kernels", "envs.experts"},
@@ -158,7 +159,10 @@ ADAPTERS |= {
     f"otwarp/vision/networks/modules/{name}.py": "torch"
     for name in ("augment", "heads", "loss", "network", "resnet", "small", "vgg")
 }
-ADAPTERS |= {f"otwarp/envs/{name}.py": "gymnasium" for name in ("single", "vector", "tasks/ot_gym_env", "adapters/sb3")}
+ADAPTERS |= {
+    f"otwarp/envs/{name}.py": "gymnasium"
+    for name in ("single", "vector", "grouped", "tasks/ot_gym_env", "adapters/sb3")
+}
 ADAPTERS |= {f"otwarp/envs/adapters/{name}.py": "gymnasium torch" for name in ("skrl", "rsl_rl")}
 ADAPTERS |= {"otwarp/envs/pettingzoo.py": "pettingzoo"}
 """Files that are made of a package, or of some, and that others import by name when it is wanted."""

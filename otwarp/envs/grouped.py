@@ -184,8 +184,8 @@ class GroupedVectorEnv(GymnasiumVectorEnv):
         """Start environments anew; see `VectorEnv.reset`."""
         self.envs[0].refuse_closed()
         mask, seeds = read_mask(options, self.num_envs), read_seeds(seed, self.num_envs)
-        if seed is not None and np.ndim(seed) == 0:
-            super().reset(seed=int(seed))  # type: ignore[arg-type]
+        if seed is not None and not isinstance(seed, Sequence) and np.ndim(seed) == 0:
+            super().reset(seed=int(seed))
         if not self._started and mask is not None and not mask.all():
             raise InputError("reset_mask leaves environments out that were never reset; allowed: a reset of all first")
         if not self._started:
@@ -207,7 +207,7 @@ class GroupedVectorEnv(GymnasiumVectorEnv):
             refuse_over(self._joined([env.batch.done for env in self.envs]))
         write_actions(self.task, actions, self._actions)
         for env, part in zip(self.envs, self._parts, strict=True):
-            wp.copy(env.batch.actions, self._actions[part])
+            wp.copy(env.batch.actions, self._actions[part])  # type: ignore[arg-type]
         results = [env.advance() for env in self.envs]
         seen, reward, terminated, truncated, info = (self._joined(list(rows)) for rows in zip(*results, strict=True))
         return seen, reward, terminated, truncated, info

@@ -76,9 +76,9 @@ class ParallelEnv(PettingZooParallelEnv):
         agents = self.agents
         result = (
             self._all(seen),
-            dict.fromkeys(agents, reward),
-            dict.fromkeys(agents, terminated),
-            dict.fromkeys(agents, truncated),
+            {agent: reward for agent in agents},
+            {agent: terminated for agent in agents},
+            {agent: truncated for agent in agents},
             {agent: dict(info) for agent in agents},
         )
         if terminated or truncated:

@@ -119,8 +119,8 @@ class VectorEnv(GymnasiumVectorEnv):
         """
         self.refuse_closed()
         mask, seeds = read_mask(options, self.num_envs), read_seeds(seed, self.num_envs)
-        if seed is not None and np.ndim(seed) == 0:
-            super().reset(seed=int(seed))  # type: ignore[arg-type]
+        if seed is not None and not isinstance(seed, Sequence) and np.ndim(seed) == 0:
+            super().reset(seed=int(seed))
         if not self._started and mask is not None and not mask.all():
             raise InputError("reset_mask leaves environments out that were never reset; allowed: a reset of all first")
         if not self._started:

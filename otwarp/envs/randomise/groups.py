@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -16,8 +16,6 @@ from otwarp.studies.targets import Target, target_of, variant
 
 MOST = 64
 """Tasks, each of which has a model of its own; of more combinations, so many are chosen once and for all."""
-
-T = TypeVar("T")
 
 
 def group_tasks(task: Task) -> tuple[Task, ...]:
@@ -85,7 +83,7 @@ def _found(task: Task) -> Mapping[Dimension, Mapping[str, Target]]:
     return found
 
 
-def merged(base: T, own: T, other: T, where: str) -> T:
+def merged(base: Any, own: Any, other: Any, where: str) -> Any:
     """What `own` makes of `base`, and `other` as well, in nested dataclasses and tuples.
 
     Args:
@@ -103,15 +101,11 @@ def merged(base: T, own: T, other: T, where: str) -> T:
     if type(base) is type(own) is type(other):
         if dataclasses.is_dataclass(own) and not isinstance(own, type):
             names = [f.name for f in dataclasses.fields(own) if f.init and f.compare]
-            parts: dict[str, Any] = {
-                name: merged(getattr(base, name), getattr(own, name), getattr(other, name), f"{where}, {name}")
-                for name in names
-            }
-            return dataclasses.replace(own, **parts)
-        tuples = isinstance(base, tuple) and isinstance(own, tuple) and isinstance(other, tuple)
-        if tuples and len(base) == len(own) == len(other):
+            three = {name: [getattr(one, name) for one in (base, own, other)] for name in names}
+            return dataclasses.replace(own, **{n: merged(*t, where=f"{where}, {n}") for n, t in three.items()})
+        if isinstance(own, tuple) and len(base) == len(own) == len(other):
             each = enumerate(zip(base, own, other, strict=True))
-            return type(own)(merged(*three, f"{where}[{n}]") for n, three in each)
+            return tuple(merged(*three, where=f"{where}[{n}]") for n, three in each)
     raise InputError(f"{where}: changed by the task, and by what is randomised; allowed: one of both")
 
 
