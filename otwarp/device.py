@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
+from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy as np
 import warp as wp
 
 from otwarp.errors import InputError
@@ -69,3 +71,29 @@ def empty(shape: int | tuple[int, ...], dtype: Any, device: Any) -> wp.array:
         device: Warp device or its name.
     """
     return wp.empty(shape=shape, dtype=dtype, device=device)
+
+
+def reading(arrays: Sequence[wp.array], device: wp.Device) -> Callable[[], list[np.ndarray]]:
+    """What waits for all that a device was given until now, and brings arrays to the host.
+
+    A GPU may be given more meanwhile, by another thread as well: the copies wait for what came before, and for no more.
+
+    Args:
+        arrays: Contiguous, on the device, and not written again.
+        device: Where.
+    """
+    if device.is_cpu:
+        return lambda: [array.numpy() for array in arrays]
+    event = device.stream.record_event()
+
+    def read() -> list[np.ndarray]:
+        """Wait, and copy."""
+        stream = wp.Stream(device)
+        stream.wait_event(event)
+        copies = [wp.empty(array.shape, dtype=array.dtype, device="cpu") for array in arrays]
+        for copy, array in zip(copies, arrays, strict=True):
+            wp.copy(copy, array, stream=stream)
+        wp.synchronize_stream(stream)
+        return [copy.numpy() for copy in copies]
+
+    return read

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -16,6 +16,9 @@ from otwarp.studies.runner import Runner
 from otwarp.studies.stopping.rules import Stop
 from otwarp.studies.store import Variable
 from otwarp.studies.targets import Target
+
+Read = Callable[[], list[dict[str, np.ndarray]]]
+"""What waits for blocks that a device was given, and reads of each its arrays by the names of the store."""
 
 
 class AnyStudy(Protocol):
@@ -91,4 +94,10 @@ class AnyStudy(Protocol):
         self, numbers: Sequence[int], *, device: str, threads: int | None = None, worlds: int | None = None
     ) -> list[dict[str, np.ndarray]]:
         """Compute the blocks of these numbers: of each its arrays by the names of the store."""
+        ...
+
+    def start(
+        self, numbers: Sequence[int], *, device: str, threads: int | None = None, worlds: int | None = None
+    ) -> Read:
+        """Give a device these blocks; what waits for them, and reads them as `compute` does."""
         ...

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from otwarp.scene import Scene
 from otwarp.simulation.ends import End
-from otwarp.studies.any_study import AnyStudy
-from otwarp.studies.engines.memory import worlds_at_once
+from otwarp.studies.any_study import AnyStudy, Read
+from otwarp.studies.engines.memory import LARGEST, worlds_at_once
 from otwarp.studies.observables import Observable, same_end
 from otwarp.studies.runner import Outcomes
 
@@ -18,40 +20,48 @@ BESIDE = 4_096
 """Points that say what is chosen for all worlds of a group alike, at most; beyond, some of them and the extremes."""
 
 
-def compute_blocks(
+def start_blocks(
     study: AnyStudy, numbers: Sequence[int], *, device: str, threads: int | None, worlds: int | None
-) -> list[dict[str, np.ndarray]]:
-    """Of each block its arrays by the names of the store; see `Study.compute`."""
+) -> Read:
+    """Give a device the trials of blocks; see `Study.start`."""
     all_points = np.arange(study.design.points).reshape(study.design.shape)
     where = study.blocks()
     own = [all_points[where[n]] for n in numbers]
     points = np.concatenate([p.ravel() for p in own])
-    trials = _Trials(study, points, _Place(device, threads, worlds or worlds_at_once(study, device)))
+    at_once = worlds or worlds_at_once(study, device)
+    trials = _Trials(study, points, _Place(device, threads, at_once, ahead=at_once >= LARGEST))
     if study.round is not None:
         before, after = (part[points] for part in study.round)
         trials.take(before, after)
     else:
         row = study.design.shape[-1] if study.design.shape else 1
         while np.any(trials.done < study.stop.at_most):
+            trials.settle()
             wanted = study.stop.wanted(successes(study, trials.code, trials.time, trials.done), trials.done, row)
             if np.all(wanted <= trials.done):
                 break
             trials.take(trials.done, wanted)
-    cuts = np.cumsum([p.size for p in own])[:-1]
-    parts = {name: np.split(values, cuts) for name, values in trials.arrays().items()}
-    return [
-        {name: part[n].reshape((*p.shape, *part[n].shape[1:])) for name, part in parts.items()}
-        for n, p in enumerate(own)
-    ]
+
+    def read() -> list[dict[str, np.ndarray]]:
+        """Wait for the last of them."""
+        cuts = np.cumsum([p.size for p in own])[:-1]
+        parts = {name: np.split(values, cuts) for name, values in trials.arrays().items()}
+        return [
+            {name: part[n].reshape((*p.shape, *part[n].shape[1:])) for name, part in parts.items()}
+            for n, p in enumerate(own)
+        ]
+
+    return read
 
 
 @dataclass(frozen=True)
 class _Place:
-    """Where trials run: a device, its threads on a CPU, and how many at once."""
+    """Where trials run: a device, its threads on a CPU, how many at once, whether others may start beside them."""
 
     device: str
     threads: int | None
     worlds: int
+    ahead: bool
 
 
 class _Trials:
@@ -60,6 +70,7 @@ class _Trials:
     def __init__(self, study: AnyStudy, points: np.ndarray, place: _Place):
         most = study.stop.at_most if study.round is None else int(study.round[1][points].max(initial=1))
         self.study, self.points, self.place = study, points, place
+        self._awaited: Callable[[], None] | None = None
         self.done = np.zeros(len(points), dtype=np.int64)
         self.code = np.full((len(points), most), -128, dtype=np.int8)
         self.time = np.full((len(points), most), np.nan, dtype=np.float32)
@@ -81,13 +92,22 @@ class _Trials:
             first = (before + np.clip(start - (ends - more), 0, None))[own]
             runs = _Runs(self.points[own], first, counts[own])
             at = _numbered(own * most + first, runs.counts)
-            out = _run(self.study, runs, self.place)
-            for column, found in zip(columns, (out.code, out.time, out.numbers), strict=True):
-                column[at] = found
+            read = _start(self.study, runs, self.place)
+            self.settle()
+            self._awaited = functools.partial(_put, columns, at, read)
+            if not self.place.ahead:
+                self.settle()
         self.done = np.maximum(before, after)
+
+    def settle(self) -> None:
+        """Wait for the trials that a device was given last."""
+        if self._awaited is not None:
+            self._awaited()
+        self._awaited = None
 
     def arrays(self) -> dict[str, np.ndarray]:
         """By the names of the store."""
+        self.settle()
         found = {"trials": self.done.astype(np.int32), "end": self.code, "end_time": self.time}
         return found | {f"{o.name}_of_trial": self.kept[..., n] for n, o in enumerate(self.study.runner.numbers)}
 
@@ -118,26 +138,43 @@ def _numbered(first: np.ndarray, counts: np.ndarray) -> np.ndarray | slice:
     return np.repeat(first - (np.cumsum(counts) - counts), counts) + np.arange(n)
 
 
-def _run(study: AnyStudy, runs: _Runs, place: _Place) -> Outcomes:
-    """Trials of points, group by group, and in a group step by step."""
+def _put(columns: Sequence[np.ndarray], at: Any, read: Callable[[], Outcomes]) -> None:
+    """Wait for outcomes, and put them in their places."""
+    out = read()
+    for column, found in zip(columns, (out.code, out.time, out.numbers), strict=True):
+        column[at] = found
+
+
+def _start(study: AnyStudy, runs: _Runs, place: _Place) -> Callable[[], Outcomes]:
+    """Give a device trials of points, group by group, and in a group step by step; what waits for the last of them."""
     n = int(runs.counts.sum())
     found = Outcomes(
         code=np.empty(n, np.int8), time=np.empty(n), numbers=np.empty((n, len(study.runner.numbers)), np.float32)
     )
+    columns = found.code, found.time, found.numbers
+    awaited: list[Callable[[], None]] = []
     for group, values in study.design.groups(runs.points):
         scene = study.design.scene_of(values)
         for steps in np.unique(study.step_counts[group]):
             chosen = np.isin(runs.points, group[study.step_counts[group] == steps])
-            out = _run_alike(study, scene, runs[chosen], int(steps), place)
+            read = _start_alike(study, scene, runs[chosen], int(steps), place)
             if np.all(chosen):
-                return out
-            mine = np.repeat(chosen, runs.counts)
-            found.code[mine], found.time[mine], found.numbers[mine] = out.code, out.time, out.numbers
-    return found
+                return read
+            awaited.append(functools.partial(_put, columns, np.repeat(chosen, runs.counts), read))
+            while len(awaited) > int(place.ahead):
+                awaited.pop(0)()
+
+    def last() -> Outcomes:
+        """Wait for it."""
+        for wait in awaited:
+            wait()
+        return found
+
+    return last
 
 
-def _run_alike(study: AnyStudy, scene: Scene, runs: _Runs, steps: int, place: _Place) -> Outcomes:
-    """Trials of points that share a model and a step."""
+def _start_alike(study: AnyStudy, scene: Scene, runs: _Runs, steps: int, place: _Place) -> Callable[[], Outcomes]:
+    """Give a device trials of points that share a model and a step."""
     design, points = study.design, runs.points
     which = np.repeat(np.arange(len(points), dtype=np.int32), runs.counts)
     # modulo 2³², which no number of a trial reaches
@@ -148,7 +185,7 @@ def _run_alike(study: AnyStudy, scene: Scene, runs: _Runs, steps: int, place: _P
         {t: v for t, v in design.at(some).items() if not t.grouped} for some in (points, spread(study, int(points[0])))
     )
     how = {"which": which, "beside": beside, "device": place.device, "threads": place.threads}
-    return study.runner.in_steps(steps).run(scene, at, trials, **how)
+    return study.runner.in_steps(steps).start(scene, at, trials, **how)
 
 
 def spread(study: AnyStudy, point: int) -> np.ndarray:

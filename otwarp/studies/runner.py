@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import warp as wp
 
-from otwarp.device import empty
+from otwarp.device import empty, reading
 from otwarp.kernels.core.precision import kernel_module
 from otwarp.scene import Scene
 from otwarp.simulation.ends import End, escaped
@@ -40,6 +40,9 @@ early or none; each look lists the worlds in motion, of which all wait until the
 UNSEEN = 4
 """Times that worlds are given steps before the host looks how many are left: a GPU idles from there to the next steps,
 and threads without a world return at once."""
+
+LAST = 1 / 8
+"""Of the horizon, the end in which the host does not look: a GPU has work while it is given the next trials."""
 
 FARTHEST = 4.0
 """Deviations that a scattered parameter is off at most: normal numbers are drawn within, so that it is known before a
@@ -141,10 +144,23 @@ class Runner:
             device: Where.
             threads: On a CPU; None for as many as there are cores.
         """
-        sim = self.simulation(scene, values, trials, which=which, beside=beside, device=device, threads=threads)
+        return self.start(scene, values, trials, which=which, beside=beside, device=device, threads=threads)()
+
+    def start(
+        self, scene: Scene, values: dict[Target, np.ndarray], trials: np.ndarray, **how: Any
+    ) -> Callable[[], Outcomes]:
+        """Give a device all steps of trials; arguments as of `run`.
+
+        Returns:
+            What waits for the steps and reads what became of the trials. A GPU goes on meanwhile: it may be given the
+            next ones before.
+        """
+        sim = self.simulation(scene, values, trials, **how)
         observer = _Observer(sim, self.numbers) if self.numbers else None
+        taken = 0
         for n, count in enumerate(self.segments(), start=1):
-            sim.step(count, look=n % UNSEEN == 0)
+            taken += count
+            sim.step(count, look=n % UNSEEN == 0 and taken < (1.0 - LAST) * self.steps)
             if observer is not None:
                 observer.look(count)
             if not sim.episodes.at_most:  # as nothing but ends stops worlds here; `running` brings a number of each
@@ -205,7 +221,8 @@ class Runner:
         sim.reset(**poses, number=device_array(trials, wp.uint32, model.device))
         return sim
 
-    def _outcomes(self, sim: Simulation, observer: _Observer | None) -> Outcomes:
+    def _outcomes(self, sim: Simulation, observer: _Observer | None) -> Callable[[], Outcomes]:
+        """What reads the outcomes of worlds whose steps a device was given; the worlds last until then."""
         episodes, device = sim.episodes, sim.model.device
         n = sim.model.worlds
         code = empty(n, wp.int8, device)
@@ -214,11 +231,19 @@ class Runner:
         kernel = kernel_module("drivers.episodes", sim.model.features.precision).outcomes
         # forces and distances of the traps are not asked for
         readout = sim.last_readout
-        read = [episodes.done, episodes.step, readout.fault, readout.fault_step, readout.escape_step, number]
-        read.append(wp.float64(self.time_step))
-        wp.launch(kernel, dim=n, inputs=read, outputs=[code, time], device=device)
-        numbers = np.zeros((n, 0), np.float32) if observer is None else observer.kept.numpy()
-        return Outcomes(code=code.numpy(), time=time.numpy(), numbers=numbers)
+        inputs = [episodes.done, episodes.step, readout.fault, readout.fault_step, readout.escape_step, number]
+        inputs.append(wp.float64(self.time_step))
+        wp.launch(kernel, dim=n, inputs=inputs, outputs=[code, time], device=device)
+        arrays = reading([code, time, *([] if observer is None else [observer.kept])], device)
+
+        def read() -> Outcomes:
+            """Wait for the steps; the worlds last until then, as this refers to them."""
+            code, time, *kept = arrays()
+            return Outcomes(
+                code=code, time=time, numbers=kept[0] if kept else np.zeros((sim.model.worlds, 0), np.float32)
+            )
+
+        return read
 
     def _extremes(self, origin: Model, values: dict[Target, np.ndarray]) -> dict[Target, np.ndarray]:
         """Values of points, twice where some scatter: the farthest below and above, in the sign they have."""

@@ -16,9 +16,10 @@ from otwarp.scene import Scene
 from otwarp.scene.read.variations import Variations
 from otwarp.simulation.ends import End
 from otwarp.simulation.options import StepOptions
+from otwarp.studies.any_study import Read
 from otwarp.studies.asked import asked_by
 from otwarp.studies.axes import Scatter, dimensions
-from otwarp.studies.compute import compute_blocks
+from otwarp.studies.compute import start_blocks
 from otwarp.studies.design import Design, blocks, check_starts, cut_blocks
 from otwarp.studies.differences import difference
 from otwarp.studies.observables import check_observables, check_time, same_end
@@ -235,7 +236,17 @@ class Study:
             threads: On a CPU.
             worlds: Trials that run at once, at most; None: as many as there is memory for. Results do not depend on it.
         """
-        return compute_blocks(self, numbers, device=device, threads=threads, worlds=worlds)
+        return self.start(numbers, device=device, threads=threads, worlds=worlds)()
+
+    def start(
+        self, numbers: Sequence[int], *, device: str, threads: int | None = None, worlds: int | None = None
+    ) -> Read:
+        """Give a device all of blocks, arguments as of `compute`, which waits for what this returns.
+
+        A GPU that has room for as many trials again is still at the last of them then: it may be given other blocks
+        before these are read, by another thread as well.
+        """
+        return start_blocks(self, numbers, device=device, threads=threads, worlds=worlds)
 
     def run(self, folder: str | Path, **how: Any) -> Any:
         """Compute what is missing of the study in a folder, and give all of it as an `xarray.Dataset`.

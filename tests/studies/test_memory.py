@@ -38,10 +38,10 @@ def test_little_memory_gives_the_same_bits(scene, monkeypatch):
     each = memory.room_of(study, "cpu").each
     assert 100 < each < 10_000  # a bead and a trap: some forty numbers, three times
     batches = []
-    run = type(study.runner).run
+    start = type(study.runner).start
     monkeypatch.setattr(memory, "free_bytes", lambda device: int(100 * each / memory.SHARE))
     monkeypatch.setattr(
-        type(study.runner), "run", lambda self, *a, **how: batches.append(len(a[2])) or run(self, *a, **how)
+        type(study.runner), "start", lambda self, *a, **how: batches.append(len(a[2])) or start(self, *a, **how)
     )
     assert memory.worlds_at_once(study, "cpu") == 100
     little = study.compute([0], device="cpu")[0]

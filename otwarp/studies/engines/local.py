@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 
 from otwarp.errors import InputError
-from otwarp.studies.any_study import AnyStudy
+from otwarp.studies.any_study import AnyStudy, Read
 from otwarp.studies.design import box_of
 from otwarp.studies.store import Store
 
@@ -127,6 +127,11 @@ def keep(study: AnyStudy, store: Store, numbers: Sequence[int], found: Sequence[
             store.add(where[number], arrays, before)
 
 
+def _read_and_keep(study: AnyStudy, store: Store, numbers: Sequence[int], read: Read) -> None:
+    """Wait for blocks that a device was given, and write them."""
+    keep(study, store, numbers, read())
+
+
 def _joined(found: Sequence[Found], places: Sequence[tuple[slice, ...]], box: tuple[slice, ...]) -> Found:
     """Arrays of blocks as those of the box that they fill."""
     shape, dims = tuple(s.stop - s.start for s in box), len(box)
@@ -164,25 +169,28 @@ def _one_by_one(study: AnyStudy, store: Store, waiting: Iterator[list[int]]) -> 
 def _side_by_side(
     study: AnyStudy, store: Store, waiting: Iterator[list[int]], devices: Sequence[str]
 ) -> Iterator[list[int]]:
-    """A thread per device computes, one more writes: disks do not keep devices waiting."""
+    """A thread per device starts tasks, one more waits for each and writes it.
+
+    So disks do not keep devices waiting, and a GPU is given the next task while it is still at the end of the last.
+    """
     free = list(devices)
-    computing: dict[Future[Any], tuple[str, list[int]]] = {}
+    starting: dict[Future[Any], tuple[str, list[int]]] = {}
     writing: dict[Future[Any], list[int]] = {}
     # Warp makes a device the default one while it copies from there to the host
     with wp.ScopedDevice(wp.get_device()), ThreadPoolExecutor(len(devices)) as pool, ThreadPoolExecutor(1) as writer:
         while True:
             for numbers in itertools.islice(waiting, len(free)):
                 device = free.pop()
-                computing[pool.submit(study.compute, numbers, device=device)] = device, numbers
-            if not computing and not writing:
+                starting[pool.submit(study.start, numbers, device=device)] = device, numbers
+            if not starting and not writing:
                 return
-            # what is computed waits for the writer in memory: not more than a task per device
-            pending = {*computing, *writing} if len(writing) <= len(devices) else {*writing}
+            # what is started waits for the writer in memory: not more than a task per device
+            pending = {*starting, *writing} if len(writing) <= len(devices) else {*writing}
             for task in wait(pending, return_when=FIRST_COMPLETED).done:
-                if task in computing:
-                    device, numbers = computing.pop(task)
+                if task in starting:
+                    device, numbers = starting.pop(task)
                     free.append(device)
-                    writing[writer.submit(keep, study, store, numbers, task.result())] = numbers
+                    writing[writer.submit(_read_and_keep, study, store, numbers, task.result())] = numbers
                 else:
                     task.result()
                     yield writing.pop(task)
