@@ -29,7 +29,7 @@ from otwarp.errors import InputError
 from otwarp.scene import Scene
 from otwarp.simulation.simulation import Simulation
 from otwarp.studies import Study, delivered, grid, run_study, trapped, trials, values
-from otwarp.studies.runner import origin_of, parameter_rows, start_rows
+from otwarp.studies.rows import origin_of, parameter_rows, start_rows
 
 SCENES = Path(__file__).parent.parent / "scenes"
 FULL = (64, 1_024)

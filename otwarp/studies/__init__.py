@@ -7,7 +7,7 @@
 | `targets`, `design` | what a name turns in a scene; the points, and the groups of them that share a model |
 | `observables`, `outcomes` | what is asked of a trial: ends, times, numbers; why and where it ended |
 | `named`, `functions` | observables as files name them, those of a user's own file; functions of users |
-| `runner`, `rerun` | trials on a device, a world each; one of them run again, with frames |
+| `runner`, `rows`, `rerun` | trials on a device, a world each; their parameters and starts; one of them run again |
 | `stopping` | how many trials a point gets, and the intervals that decide it |
 | `plan`, `compute`, `asked` | what a study will take; blocks of it computed; what its store says of it |
 | `store`, `differences`, `results` | a study on disk; how another differs from it; its results as a labelled table |

@@ -16,7 +16,7 @@ from otwarp.simulation.options import StepOptions
 from otwarp.simulation.packing.parameters import PARAMETERS, check_range
 from otwarp.studies.any_study import AnyStudy
 from otwarp.studies.design import at_values
-from otwarp.studies.runner import FARTHEST, base_of, parameter_rows, width_of
+from otwarp.studies.rows import FARTHEST, base_of, parameter_rows, width_of
 from otwarp.studies.targets import Target
 
 SAMPLE = 256

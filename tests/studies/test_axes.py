@@ -15,7 +15,7 @@ from otwarp.studies.engines.run import run_study
 from otwarp.studies.file import load_study
 from otwarp.studies.observables import contact_dose, contact_force, orientation_error, trapped
 from otwarp.studies.results import table
-from otwarp.studies.runner import FARTHEST, normal_of, origin_of, start_rows
+from otwarp.studies.rows import FARTHEST, normal_of, origin_of, start_rows
 from otwarp.studies.stopping.rules import trials
 from otwarp.studies.study import Study
 from tests.simulation.setups import obstacle

@@ -18,7 +18,7 @@ from otwarp.studies.rare.layout import PILOT, Layout
 from otwarp.studies.rare.orders import Order
 from otwarp.studies.rare.placement import MOST, Placement, place
 from otwarp.studies.rare.splitting import splitting
-from otwarp.studies.runner import origin_of, parameter_rows
+from otwarp.studies.rows import origin_of, parameter_rows
 
 Found = dict[str, np.ndarray]
 """Arrays of a point, by their names in the store."""

@@ -20,7 +20,7 @@ from otwarp.simulation.packing.arrays import device_array
 from otwarp.simulation.simulation import Simulation
 from otwarp.studies.rare.orders import Order
 from otwarp.studies.rare.states import States, read, write
-from otwarp.studies.runner import origin_of, parameter_rows, start_rows
+from otwarp.studies.rows import origin_of, parameter_rows, start_rows
 from otwarp.studies.targets import Target
 
 FAULT, LOST, GONE_BACK, UP, IDLE = -1, 1, int(RETURNED), int(ADVANCED), 9
