@@ -23,10 +23,10 @@ pytest.importorskip("zarr")
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
-    """A study of six blocks, and its scene."""
+    """A study, and its scene."""
     place = tmp_path_factory.mktemp("study")
     bead_in_a_well(place)
-    (place / "s.toml").write_text(study_of_a_well(12, 2_048))
+    (place / "s.toml").write_text(study_of_a_well(12, 64))
     return place
 
 
@@ -67,7 +67,7 @@ def test_the_next_trials_start_before_the_last_are_read_where_there_is_room(fold
 
 
 def test_what_fails_while_it_is_read_ends_the_run_and_keeps_the_rest(folder, tmp_path, monkeypatch):
-    study = load_study(folder / "s.toml")
+    study = load_study(folder / "s.toml").in_blocks((2, 4))
     start = type(study).start
 
     def failing(self, numbers, **how):
@@ -79,8 +79,8 @@ def test_what_fails_while_it_is_read_ends_the_run_and_keeps_the_rest(folder, tmp
         with pytest.raises(ZeroDivisionError):
             run_study(study, tmp_path / "out", engine=on_this_host(["cpu", "cpu"]))
     assert 3 not in (done := open_store(tmp_path / "out").finished()) and done
-    store = run_study(load_study(folder / "s.toml"), tmp_path / "out", devices=["cpu"])
-    whole = run_study(load_study(folder / "s.toml"), tmp_path / "whole", devices=["cpu"])
+    store, whole = (run_study(study, tmp_path / name, devices=["cpu"]) for name in ("out", "whole"))
+    assert len(store.finished()) == 6
     assert store.read().load().identical(whole.read().load())
 
 
