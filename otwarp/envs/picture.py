@@ -42,7 +42,7 @@ class Picture:
         traps = [trap.prim for trap in scene.traps]
         goal = [scene.goal.prim] if scene.goal else []
         owners = {*traps, *goal, *(b.prim for b in scene.bodies), *(o.prim for o in scene.obstacles)}
-        self._drawn, self._view = read_drawn(scene.file, owners, traps)
+        self._drawn, self._view = read_drawn(scene.file, owners, traps, scene.overrides)
         model = batch.sim.model
         start = model.start_position(), model.start_orientation()
         prims = model.prim_position(*start)

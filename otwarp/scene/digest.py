@@ -37,7 +37,7 @@ only where it has not its default, so that a scene which does not use it keeps t
 
 def scene_digest(scene: Scene) -> str:
     """SHA-256 of everything a scene says but the length of the run, which may be extended."""
-    same = {"file": None, "remarks": (), "judged": False}  # what is no part of a scene's equality
+    same = {"file": None, "remarks": (), "judged": False, "overrides": {}}  # what is no part of a scene's equality
     scene = dataclasses.replace(scene, settings=dataclasses.replace(scene.settings, duration=0.0), **same)
     with np.printoptions(threshold=2**31, floatmode="unique"):
         return hashlib.sha256(canonical(scene).encode()).hexdigest()

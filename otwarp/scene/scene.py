@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from otwarp import shipped
 from otwarp.scene.check.scene import check_scene
@@ -27,6 +29,8 @@ class Scene(ByValue):
         goal: Where something is to be brought, or None.
         file, remarks, judged: Where it was read from, what is odd in the file itself, and whether its oddities were
             reported already, as of a part of another scene; not part of equality.
+        overrides: Attributes of the file that have other values here, by path, as `Variations.scene` takes them: for
+            whoever draws it; not part of equality.
     """
 
     file: Path | None = field(default=None, compare=False)
@@ -41,6 +45,7 @@ class Scene(ByValue):
     goal: Goal | None = None
     remarks: tuple[Finding, ...] = field(default=(), compare=False)
     judged: bool = field(default=False, compare=False)
+    overrides: Mapping[str, Any] = field(default_factory=dict, compare=False)
 
     @classmethod
     def load(cls, file: str | Path, *, duration: float | None = None) -> Scene:

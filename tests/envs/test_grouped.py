@@ -21,7 +21,7 @@ from otwarp.envs.randomise.groups import merged
 from otwarp.envs.rollout import policy_of, run_policy
 from otwarp.errors import InputError
 from otwarp.scene import Scene, SceneBuilder, Track, Trap, TrapLaw
-from tests.envs.bead_task import BEAD, HEIGHT
+from tests.envs.bead_task import BEAD, HEIGHT, PILLARS
 from tests.envs.bead_task import scene as bead_scene
 from tests.envs.bead_task import task as bead_task
 
@@ -29,6 +29,7 @@ RADIUS = f"{BEAD}/sphere.radius"
 RADII = studies.values([0.8, 1.0, 1.2], unit="µm")
 FAR = (50.0, 0.0, HEIGHT)
 """A goal that is not reached."""
+PILLAR = next(iter(PILLARS))
 CARRIER = "/World/carrier"
 """A trap that no hand moves, and goes to and fro without power."""
 
@@ -36,7 +37,11 @@ CARRIER = "/World/carrier"
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
     """The scene of beads with a carrier, in a file."""
-    first = bead_scene()
+    return saved(bead_scene(), tmp_path_factory.mktemp("grouped") / "beads.usda")
+
+
+def saved(first, file):
+    """The file of a scene, and a carrier."""
     builder = SceneBuilder(settings=first.settings)
     for thing in (*first.bodies, *first.traps, *first.obstacles):
         builder.add(thing)
@@ -45,7 +50,7 @@ def file(tmp_path_factory):
     law = TrapLaw(stiffness=2.0, power=1.0)
     path, off = Track(times=times, values=way), Track.constant(0.0)
     builder.add(Trap(prim=CARRIER, position=path, power=off, model="harmonic", radial=law))
-    return builder.save(tmp_path_factory.mktemp("grouped") / "beads.usda")
+    return builder.save(file)
 
 
 def task_in(file, **changes):
@@ -226,6 +231,26 @@ def test_pictures_are_those_of_the_environments(file):
     alone.reset(seed=3)
     pictures = envs.render()
     assert len(pictures) == 2 and np.array_equal(pictures[1], alone.render()[0])
+
+
+def test_pictures_show_the_values_of_their_scene(file, tmp_path):
+    """As of a file that has them: a bead of another size, a pillar at another place; in whatever order they came."""
+    pillar, place = f"{PILLAR}.xformOp:translate", (-3.0, 6.0, HEIGHT)
+    places = studies.values([(-3.0, 3.0, HEIGHT), place], unit="µm")
+    sizes = studies.values([1.0, 2.0], unit="µm")
+    both = group_tasks(task_in(file, randomise={(RADIUS, pillar): (sizes, places)}))[1]
+    (sized,) = group_tasks(task_in(file, randomise={RADIUS: studies.values([2.0], unit="µm")}))
+    then = group_tasks(dataclasses.replace(sized, randomise={pillar: places}))[1]
+    scene = _with_radius(bead_scene(), 2.0)
+    moved = [dataclasses.replace(o, position=Track.constant(place)) if o.prim == PILLAR else o for o in scene.obstacles]
+    written = task_in(saved(dataclasses.replace(scene, obstacles=tuple(moved)), tmp_path / "beads.usda"))
+    shown = []
+    for one in (written, both, then, task_in(file)):
+        env = Env(one, render_mode="rgb_array")
+        env.reset(seed=1)
+        shown.append(env.render())
+    assert np.array_equal(shown[1], shown[0]) and np.array_equal(shown[2], shown[0])
+    assert np.any(shown[3] != shown[0])
 
 
 @pytest.mark.parametrize(

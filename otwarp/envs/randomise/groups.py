@@ -38,7 +38,7 @@ def group_tasks(task: Task) -> tuple[Task, ...]:
     grouped = [d for d, targets in found.items() if any(t.grouped for t in targets.values())]
     if not grouped:
         return (task,)
-    scene = task.load()
+    scene, where = task.load(), f"scene of task {task.name}"
     variations = variations_of(task, scene)
     left: dict[Any, Any] = {tuple(d.columns): tuple(d.columns.values()) for d in found if d not in grouped}
     read = variations.scene({})
@@ -53,7 +53,9 @@ def group_tasks(task: Task) -> tuple[Task, ...]:
                     fixed[target] = target.values(axis)[n]
                 else:
                     single[name] = values(axis.values[n : n + 1], unit=axis.unit)
-        changed = merged(read, scene, variant(read, variations, fixed), f"scene of task {task.name}")
+        varied = variant(read, variations, fixed)
+        changed = merged(read, scene, varied, where)
+        changed = dataclasses.replace(changed, overrides={**scene.overrides, **varied.overrides})
         tasks.append(dataclasses.replace(task, scene=changed, randomise={**left, **single}))
     return tuple(tasks)
 

@@ -18,13 +18,14 @@ _OWNERS = ("OtBodyAPI", "OtCellAPI", "OtTrapAPI", "OtGoalAPI")
 
 
 def with_missing_looks(stage: Usd.Stage) -> Usd.Stage:
-    """The same layers, and in the session layer of the result what they lack; `stage` itself is not changed.
+    """The same layers, and in the session layer of the result, over that of `stage`, what they lack.
 
     Gprims without a material get one: of their display colour, or of what they are (each robot its own, cells and goals
     translucent, light glowing). Traps without geometry get a beam, goals without one a ball of their tolerance; a stage
-    without lights gets a dome and a key light. Nothing that is authored is changed.
+    without lights gets a dome and a key light. Nothing that is authored is changed, nor is `stage`.
     """
     looks = Sdf.Layer.CreateAnonymous("looks.usda")
+    looks.subLayerPaths.append(stage.GetSessionLayer().identifier)
     dressed = Usd.Stage.Open(stage.GetRootLayer(), looks)
     dressed.SetEditTarget(looks)
     values = Values(stage.GetRootLayer().GetDisplayName(), Usd.TimeCode.EarliestTime())

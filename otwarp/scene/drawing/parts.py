@@ -5,9 +5,10 @@ Knows USD; what it gives is plain NumPy in µm, of the kinds of `otwarp.scene.dr
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pxr import Sdf, Usd
@@ -17,7 +18,7 @@ from otwarp.scene.drawing.draw_list import EMPTY, PLANE, TriangleMesh, View, bou
 from otwarp.scene.drawing.shapes import Batch
 from otwarp.scene.drawing.walk import Walk
 from otwarp.scene.read.diagnostics import reading
-from otwarp.scene.read.source import open_stage
+from otwarp.scene.read.variations import Variations
 
 REST = ""
 """Owner of what belongs to none of the prims asked for."""
@@ -50,13 +51,16 @@ class Drawn:
         return bounds(np.full(many, self.kind), self.transform, sizes, index, meshes)
 
 
-def read_drawn(file: Path, owners: Iterable[str], lights: Iterable[str]) -> tuple[dict[str, list[Drawn]], View]:
+def read_drawn(
+    file: Path, owners: Iterable[str], lights: Iterable[str], overrides: Mapping[str, Any] | None = None
+) -> tuple[dict[str, list[Drawn]], View]:
     """Everything visible at the start, by owner, and the camera through which it is meant to be seen.
 
     Args:
         file: USD stage.
         owners: Prim paths; what is drawn at or below one belongs to it, all else to `REST`.
         lights: Those of them that are traps: what they draw is light, with its emissive colour.
+        overrides: Attributes that have other values than in the file, as `Scene.overrides` has them.
 
     Returns:
         Owner → what is drawn of it, in world coordinates; and the view of the stage's first camera, or one that frames
@@ -65,7 +69,7 @@ def read_drawn(file: Path, owners: Iterable[str], lights: Iterable[str]) -> tupl
     Raises:
         InputError: The file is missing or not a stage, or its camera has no field of view.
     """
-    stage = with_missing_looks(open_stage(file))
+    stage = with_missing_looks(Variations(file).varied(overrides or {}))
     with reading(str(file)):
         return _read_drawn(stage, owners, lights)
 

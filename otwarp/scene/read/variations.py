@@ -65,14 +65,25 @@ class Variations:
         Raises:
             InputError: A value that the attribute cannot have, or a scene that cannot be accepted.
         """
+        fields = read_stage(self.varied(values), file=str(self.file))
+        self.stage.GetSessionLayer().Clear()
+        return Scene(**fields, file=self.file, overrides=dict(values))
+
+    def varied(self, values: Mapping[str, Any]) -> Usd.Stage:
+        """The stage with other values of some attributes in its session layer, until it is asked for others.
+
+        Args:
+            values: As of `scene`.
+
+        Raises:
+            InputError: A value that the attribute cannot have.
+        """
         over = self.stage.GetSessionLayer()
         over.Clear()
         with Usd.EditContext(self.stage, over):
             for path, value in values.items():
                 self._set(path, value)
-        fields = read_stage(self.stage, file=str(self.file))
-        over.Clear()
-        return Scene(**fields, file=self.file)
+        return self.stage
 
     def _set(self, path: str, value: Any) -> None:
         attribute = self._attribute(path)

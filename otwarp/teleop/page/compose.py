@@ -101,7 +101,7 @@ def _from_stage(scene: Scene) -> tuple[dict[str, list[Drawn]], View]:
     assert scene.file is not None
     traps = [trap.prim for trap in scene.traps]
     owners = {*traps, *(b.prim for b in scene.bodies), *(o.prim for o in scene.obstacles)}
-    return read_drawn(scene.file, owners, traps)
+    return read_drawn(scene.file, owners, traps, scene.overrides)
 
 
 def _from_description(scene: Scene) -> tuple[dict[str, list[Drawn]], View]:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import otwarp as ot
+from otwarp.scene.read.variations import Variations
 from otwarp.scene.transforms import rotate
 from otwarp.teleop.page.compose import ball, beam, box, capsule, compose, display, placed, solid, tube
 from tests.teleop.page.test_browser import SCENE
@@ -77,6 +78,16 @@ def test_a_scene_without_a_stage_is_drawn_from_its_description():
     assert (low < -30).any() and (high > 30).any()
     camera = bare.camera
     assert np.linalg.norm(np.subtract(camera.position, camera.look_at)) > 10.0
+
+
+def test_a_scene_of_other_values_than_its_file_is_drawn_with_them():
+    hub = "/World/Robots/left/hub"
+    scene = Variations(SCENE).scene({f"{hub}.radius": 2.5})
+    (sphere,) = (s for s in scene.bodies[0].spheres if s.prim == hub)
+    for one in (scene, ot.Scene.load(SCENE)):
+        seen = np.concatenate([part.vertices for part in compose(one).bodies[0].parts])
+        distance = np.linalg.norm(seen - sphere.offset, axis=1)
+        assert (np.sum(np.abs(distance - 2.5) < 1e-6) > 100) == (one is scene)
 
 
 def test_an_obstacle_moves_along_its_samples():
