@@ -208,7 +208,9 @@ def dimensions(axes: Mapping[Any, Any]) -> tuple[Dimension, ...]:
     """
     found: list[Dimension] = []
     for names, given in axes.items():
-        names = (names,) if isinstance(names, str) else tuple(names)
+        names = tuple(names) if isinstance(names, tuple | list) else (names,)
+        if not all(isinstance(name, str) for name in names):
+            raise InputError(f"axis {names!r}; allowed: a name, or a tuple of names")
         columns = (given,) if isinstance(given, Axis) else tuple(given) if isinstance(given, list | tuple) else ()
         wrong = not names or len(columns) != len(names) or not all(isinstance(c, Axis) for c in columns)
         if wrong:

@@ -124,6 +124,20 @@ def test_axes_that_go_together(scene):
     assert drawn.design.points == 8
 
 
+def test_names_and_words_that_are_none_are_told_in_one_line(scene):
+    radius = "/World/bead/sphere.radius"
+    for axes, said in (
+        ({radius: values(["a", "b"])}, f"{radius} = a: must be a value of type double"),
+        ({"/World/bead": values([1.0], unit="µm")}, "/World/bead has no attribute (none); there are "),
+        ({5: values([1.0])}, "axis (5,); allowed: a name, or a tuple of names"),
+        ({(5, "trap_power"): (values([1.0]),) * 2}, "axis (5, 'trap_power'); allowed: a name, or a tuple of names"),
+    ):
+        with pytest.raises(InputError) as error:
+            design = study_of(scene, axes).design
+            design.scene_of(design.groups(np.arange(1))[0][1])
+        assert said in str(error.value) and "\n" not in str(error.value)
+
+
 def test_kinds_of_axes_run(scene, tmp_path):
     """From a file: random powers beside normal starts, and a dimension of vectors; the table has their values."""
     (tmp_path / "well.usda").write_text(scene.read_text())

@@ -89,14 +89,14 @@ class Variations:
         attribute = self._attribute(path)
         name = attribute.GetName()
         value = value.item() if isinstance(value, np.generic) else value
-        if self.unit(path) == "µm" and vocabulary_row(name) is None:
-            value = np.asarray(value, dtype=float) / self.micrometres
-            value = value.item() if value.ndim == 0 else value
-        if np.ndim(value) == 1:
-            vector = Gf.Vec3f if attribute.GetTypeName().cppTypeName.endswith("f") else Gf.Vec3d
-            value = vector(*map(float, value))
         with quiet_usd():
             try:
+                if self.unit(path) == "µm" and vocabulary_row(name) is None:
+                    value = np.asarray(value, dtype=float) / self.micrometres
+                    value = value.item() if value.ndim == 0 else value
+                if np.ndim(value) == 1:
+                    vector = Gf.Vec3f if attribute.GetTypeName().cppTypeName.endswith("f") else Gf.Vec3d
+                    value = vector(*map(float, value))
                 if attribute.GetTypeName() == Sdf.ValueTypeNames.Int and float(value).is_integer():
                     value = int(value)
                 taken = attribute.Clear() and attribute.Set(value)
@@ -111,7 +111,7 @@ class Variations:
         if not prim:
             known = [str(p.GetPath()) for p in self.stage.Traverse()]
             raise InputError(f"{self.file}: {path}: there is no prim {prim_path}{nearest(prim_path, known)}")
-        attribute = prim.GetAttribute(name)
+        attribute = prim.GetAttribute(name) if name else None
         if not attribute:
             known = [a.GetName() for a in prim.GetAttributes()]
             raise InputError(
