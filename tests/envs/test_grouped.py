@@ -105,6 +105,12 @@ def test_a_change_of_the_task_and_one_of_its_axes_are_both_kept(file):
         assert sphere.collides and sphere.radius == radius
     with pytest.raises(InputError, match="changed by the task, and by what is randomised"):
         merged(scene, _with_radius(scene, 1.1), _with_radius(scene, 0.9), "scene")
+    # one of the values is that of the file, the other the task's: the axis would do nothing
+    collides = studies.values([True, False])
+    task = task_in(file, scene=scene, randomise={f"{BEAD}/sphere.ot:sphere:collides": collides})
+    assert [one.load().bodies[0].spheres[0].collides for one in group_tasks(task)] == [True, False]
+    with pytest.raises(InputError, match="changed by the task, and by what is randomised"):
+        group_tasks(dataclasses.replace(task, scene=dataclasses.replace(scene, bodies=touching)))
 
 
 def _with_radius(scene, radius):

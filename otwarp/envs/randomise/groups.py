@@ -11,6 +11,7 @@ import numpy as np
 from otwarp.envs.randomise.variants import combinations, variations_of
 from otwarp.envs.task import Task, check_task
 from otwarp.errors import InputError
+from otwarp.scene import Scene
 from otwarp.studies.axes import Dimension, dimensions, values
 from otwarp.studies.targets import Target, target_of, variant
 
@@ -42,6 +43,7 @@ def group_tasks(task: Task) -> tuple[Task, ...]:
     variations = variations_of(task, scene)
     left: dict[Any, Any] = {tuple(d.columns): tuple(d.columns.values()) for d in found if d not in grouped}
     read = variations.scene({})
+    made: list[tuple[Scene, Scene]] = []
     tasks = []
     for row in combinations([len(d) for d in grouped], MOST):
         fixed: dict[Target, Any] = {}
@@ -55,6 +57,9 @@ def group_tasks(task: Task) -> tuple[Task, ...]:
                     single[name] = values(axis.values[n : n + 1], unit=axis.unit)
         varied = variant(read, variations, fixed)
         changed = merged(read, scene, varied, where)
+        made.append((varied, changed))
+        if varied != made[0][0] and changed == made[0][1]:
+            raise _twice(where)
         changed = dataclasses.replace(changed, overrides={**scene.overrides, **varied.overrides})
         tasks.append(dataclasses.replace(task, scene=changed, randomise={**left, **single}))
     return tuple(tasks)
@@ -108,7 +113,12 @@ def merged(base: Any, own: Any, other: Any, where: str) -> Any:
         if isinstance(own, tuple) and len(base) == len(own) == len(other):
             each = enumerate(zip(base, own, other, strict=True))
             return tuple(merged(*three, where=f"{where}[{n}]") for n, three in each)
-    raise InputError(f"{where}: changed by the task, and by what is randomised; allowed: one of both")
+    raise _twice(where)
+
+
+def _twice(where: str) -> InputError:
+    """What is said of a place that two have changed."""
+    return InputError(f"{where}: changed by the task, and by what is randomised; allowed: one of both")
 
 
 def _equal(a: Any, b: Any) -> bool:
