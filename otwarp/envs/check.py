@@ -29,9 +29,10 @@ def check_vector(
 
     Args:
         make: Makes the environments.
-        single: Makes the single environment of Gymnasium that each of them is to be. None for an `Env` of the same
-            task, or, of environments that are no `VectorEnv` of otwarp, for a vector of one, from which `terminated`
-            and `truncated` are not told apart if both confuse them.
+        single: Makes the single environment of Gymnasium that each of them is to be; or a list of those, of which
+            environment i is to be number i modulo how many there are. None for an `Env` of the same task, or of each of
+            those of a `GroupedVectorEnv`; of environments that are none of otwarp's, for a vector of one, from which
+            `terminated` and `truncated` are not told apart if both confuse them.
         num_envs: How many are compared with single ones, 2 or more.
         steps: Periods of random actions within which an episode must end; about twice as many are checked.
         seed: Of environments and actions.
@@ -40,13 +41,13 @@ def check_vector(
         What was checked, in words.
 
     Raises:
-        InputError: Too few environments, or arrays that are not NumPy's.
+        InputError: Too few environments, arrays that are not NumPy's, or a wrapped `GroupedVectorEnv` without `single`.
         AssertionError: What does not hold, in words.
     """
     num_envs, steps, seed = whole("num_envs", num_envs, 2), whole("steps", steps, 1), whole("seed", seed, 0)
     modes = {mode: make(num_envs, mode) for mode in (NEXT, SAME, OFF)}
     ones = {mode: make(1, mode) for mode in modes}
-    alone = [single()] if single else _singles(modes[OFF], make)
+    alone = _singles(modes[OFF], make, single)
     try:
         actions = _actions(modes[NEXT], num_envs, 2 * steps + 2, seed)
         done = []
@@ -90,10 +91,16 @@ class _First:
         return _row(seen, 0), reward[0], bool(terminated[0]), bool(truncated[0]), _told(info, 0)
 
 
-def _singles(env: Any, make: Make) -> list[Any]:
-    """The measure where none is given: of environment i, number i modulo how many there are."""
+def _singles(env: Any, make: Make, single: Callable[[], Any] | None) -> list[Any]:
+    """The measure, as given or of the same task: of environment i, number i modulo how many there are."""
+    if single is not None:
+        made = single()
+        return made if isinstance(made, list) else [made]
     if isinstance(env, GroupedVectorEnv):
         return [Env(task, device=str(env.device)) for task in env.tasks]
+    if isinstance(getattr(env, "unwrapped", env), GroupedVectorEnv):
+        raise InputError("single is None, where scenes of wrapped environments differ; allowed: a function that makes "
+                         "a list of single ones, wrapped alike, of each of group_tasks(task)")  # fmt: skip
     return [Env(env.task, device=str(env.device)) if isinstance(env, VectorEnv) else _First(make(1, OFF))]
 
 

@@ -39,15 +39,16 @@ class GroupedEnv(gymnasium.Env):
     """
 
     def __init__(self, task: Task, *, device: str | None = "cpu", render_mode: str | None = None):
-        if render_mode == "human":
-            raise InputError(f"render_mode is 'human', but scenes of {task.name} differ from episode to episode; "
-                             "allowed: rgb_array, None, or Env(group_tasks(task)[n], render_mode='human')")  # fmt: skip
         self.task, self.tasks = task, group_tasks(task)
+        if render_mode not in (None, "rgb_array"):
+            raise InputError(f"render_mode is {render_mode!r}, where scenes of {task.name} differ by episode; "
+                             "allowed: rgb_array, None, or Env(group_tasks(task)[n], render_mode='human')")  # fmt: skip
         self._how: dict[str, Any] = {"device": device, "render_mode": render_mode}
         self._envs: dict[int, Env] = {}
         self._seed, self._episode = -1, 0
         self.now = self._env(0)
-        self.metadata, self.render_mode = self.now.metadata, render_mode
+        self.metadata = {**self.now.metadata, "render_modes": ["rgb_array"]}
+        self.render_mode = render_mode
         self.observation_space, self.action_space = self.now.observation_space, self.now.action_space
         self._started = self.closed = False
 

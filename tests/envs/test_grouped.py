@@ -206,6 +206,8 @@ def test_gymnasium_makes_them(device):
     env = gymnasium.make("otwarp/Navigate-v0", **how).unwrapped
     many = gymnasium.make_vec("otwarp/Navigate-v0", num_envs=2, vectorization_mode="vector_entry_point", **how)
     assert isinstance(env, GroupedEnv) and isinstance(many.unwrapped, GroupedVectorEnv)
+    # Gymnasium's checker makes one of each of them
+    assert env.metadata["render_modes"] == ["rgb_array"]
     assert env.reset(seed=1)[0].shape == many.reset(seed=1)[0].shape[1:]
 
 
@@ -259,11 +261,24 @@ def test_pictures_show_the_values_of_their_scene(file, tmp_path):
     assert np.any(shown[3] != shown[0])
 
 
+def test_wrapped_ones_are_checked_beside_a_list_of_single_ones(file, device):
+    task = task_in(file, randomise={RADIUS: RADII}, time_limit=0.1)
+
+    def make(n, mode):
+        return gymnasium.vector.VectorWrapper(GroupedVectorEnv(task, n, device=device, autoreset_mode=mode))
+
+    with pytest.raises(InputError, match="single is None, where scenes of wrapped environments differ"):
+        check_vector(make, steps=3, num_envs=2)
+    singles = partial(list, [Env(one, device=device) for one in group_tasks(task)])
+    assert len(check_vector(make, single=singles, steps=3, num_envs=2)) == 7
+
+
 @pytest.mark.parametrize(
     ("make", "said"),
     [
         (lambda t: VectorEnv(t, 2, device="cpu"), "GroupedEnv and GroupedVectorEnv of otwarp.envs"),
         (lambda t: GroupedEnv(t, render_mode="human"), "render_mode is 'human'"),
+        (lambda t: GroupedEnv(t, render_mode="ansi"), "render_mode is 'ansi', where scenes of tests/Bead-v0 differ"),
         (lambda t: GroupedVectorEnv(t, 2, render_envs=(2,)), "render_envs is 2; allowed"),
         (lambda t: GroupedVectorEnv(t, 0), "num_envs is 0; allowed"),
         (
