@@ -89,3 +89,53 @@ def test_rsl_rl(device):
     assert torch.equal(seen["policy"], env.get_observations()["policy"])
     with pytest.raises(InputError, match="allowed"):
         RslRlVecEnv(envs("numpy", device))
+
+
+def seeing(kind, device):
+    """Environments with images, beside arrays of the same."""
+    how = {"observation": kind, "image_size": (12, 8), "image_binning": 1, "time_limit": 0.1}
+    task = task_of("otwarp/Navigate-v0", **how)
+    return (VectorEnv(task, 2, device=device, arrays=a, autoreset_mode="SameStep") for a in ("torch", "numpy"))
+
+
+@pytest.mark.parametrize("kind", ["image", "both"])
+def test_skrl_has_images_flat(kind, device):
+    """As skrl has them of other environments: all spaces in one row of numbers, which its models take apart again."""
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("skrl", reason="pip install 'otwarp[learning]'")
+    from skrl.utils.spaces.torch import compute_space_size, unflatten_tensorized_space
+
+    from otwarp.envs.adapters.skrl import SkrlEnv
+
+    tensors, arrays = seeing(kind, device)
+    env, wanted = SkrlEnv(tensors, seed=4), arrays.reset(seed=4)[0]
+    first, _ = env.reset()
+    kept = first.clone()
+    for _ in range(3):  # over an end
+        seen, *_ = env.step(torch.zeros(2, 2, device=device))
+    assert seen.shape == first.shape == (2, compute_space_size(env.observation_space, occupied_size=True))
+    assert seen.dtype is torch.float32 and torch.equal(first, kept)
+    apart = unflatten_tensorized_space(env.observation_space, first)
+    for name, values in wanted.items() if isinstance(wanted, dict) else [("", wanted)]:
+        assert np.array_equal((apart[name] if name else apart).cpu().numpy(), values)
+
+
+@pytest.mark.parametrize("kind", ["image", "both"])
+def test_rsl_rl_has_images_in_a_group(kind, device):
+    """Channels first, as its convolutions want them."""
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("rsl_rl", reason="pip install 'otwarp[learning]'")
+    from otwarp.envs.adapters.rsl_rl import RslRlVecEnv
+
+    tensors, arrays = seeing(kind, device)
+    env, wanted = RslRlVecEnv(tensors, seed=4), arrays.reset(seed=4)[0]
+    first = env.get_observations()
+    kept = first.clone()
+    for _ in range(3):
+        seen, *_ = env.step(torch.zeros(2, 2, device=device))
+    image = wanted["image"] if kind == "both" else wanted
+    assert seen["image"].shape == (2, 1, 8, 12)
+    np.testing.assert_allclose(first["image"][:, 0].cpu().numpy(), image[..., 0] / 255.0, atol=1e-7)
+    assert torch.equal(first["image"], kept["image"]) and ("policy" in set(first.keys())) == (kind == "both")
+    if kind == "both":
+        assert np.array_equal(first["policy"].cpu().numpy(), wanted["state"])

@@ -14,7 +14,9 @@ from otwarp.errors import InputError
 
 
 class RslRlVecEnv(VecEnv):
-    """For runners of rsl_rl; all that is seen is the group `policy`.
+    """For runners of rsl_rl: the state is the group `policy`; images are the group `image`, for its convolutions.
+
+    Images are (N, 1, height, width) numbers from 0 to 1.
 
     Args:
         envs: With `arrays="torch"` and `autoreset_mode="SameStep"`, whose actions are numbers.
@@ -36,17 +38,27 @@ class RslRlVecEnv(VecEnv):
         self.max_episode_length = round(base.task.time_limit * base.task.rate)
         self.device = torch.device(str(base.device))
         self.episode_length_buf = torch.zeros(self.num_envs, dtype=torch.long, device=self.device)
-        self._seen = envs.reset(seed=seed)[0].clone()
+        self._seen = self._groups(envs.reset(seed=seed)[0])
+
+    def _groups(self, seen: Any) -> dict[str, torch.Tensor]:
+        """Tensors of the caller's own, by group."""
+        named = seen if isinstance(seen, dict) else {"image" if seen.dtype is torch.uint8 else "state": seen}
+        groups = {}
+        if "state" in named:
+            groups["policy"] = named["state"].clone()
+        if "image" in named:
+            groups["image"] = named["image"].movedim(-1, 1).float() / 255.0
+        return groups
 
     def get_observations(self) -> TensorDict:
         """What is seen now."""
-        return TensorDict({"policy": self._seen}, batch_size=[self.num_envs], device=self.device)
+        return TensorDict(self._seen, batch_size=[self.num_envs], device=self.device)
 
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
         """One period: observations, rewards (N), ends (N), and which of these the clock made."""
         seen, reward, terminated, truncated, info = self.envs.step(actions)
         over = terminated | truncated
-        self._seen = seen.clone()
+        self._seen = self._groups(seen)
         self.episode_length_buf = torch.where(over, 0, self.episode_length_buf + 1)
         extras: dict[str, Any] = {"time_outs": truncated & ~terminated, "log": {}}
         if bool(over.any()):

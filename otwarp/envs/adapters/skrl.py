@@ -1,4 +1,4 @@
-"""A `VectorEnv` as skrl has them: tensors (N, 1) of rewards and ends, cloned on their device."""
+"""A `VectorEnv` as skrl has them: tensors (N, 1) of rewards and ends, flat ones of what is seen, on their device."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ import gymnasium
 import torch
 from gymnasium.vector import AutoresetMode
 from skrl.envs.wrappers.torch.base import Wrapper
+from skrl.utils.spaces.torch import flatten_tensorized_space, tensorize_space
 
 from otwarp.envs.vector import VectorEnv
 from otwarp.errors import InputError
 
 
 class SkrlEnv(Wrapper):
-    """For agents and trainers of skrl.
+    """For agents and trainers of skrl, whose models take images out of what is seen as they do of other environments.
 
     Args:
         envs: With `arrays="torch"` and `autoreset_mode="SameStep"`.
@@ -50,16 +51,21 @@ class SkrlEnv(Wrapper):
         """What is seen first; later, what was seen last: episodes start anew by themselves."""
         seen = self._seen
         if seen is None:
-            seen = self._seen = self.envs.reset(seed=self._first)[0].clone()
+            seen = self._seen = self._flat(self.envs.reset(seed=self._first)[0])
         return seen, {}
 
+    def _flat(self, seen: Any) -> torch.Tensor:
+        """(N, size of the space) numbers; skrl keeps them until the next step, which writes on the memory of `seen`."""
+        flat = flatten_tensorized_space(tensorize_space(self.observation_space, seen))
+        assert flat is not None
+        return flat.to(torch.float32, copy=True)
+
     def step(self, actions: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor, Any]:
-        """One period: observations (N, O), rewards, terminated and truncated (N, 1)."""
+        """One period: observations (N, size of the space), rewards, terminated and truncated (N, 1)."""
         given = actions.flatten() if hasattr(self.action_space, "n") else actions
         seen, reward, terminated, truncated, info = self.envs.step(given)
-        # skrl keeps what it gets until the next step, which writes on the same memory
-        seen = self._seen = seen.clone()
-        return seen, reward.clone()[:, None], terminated[:, None].clone(), truncated[:, None].clone(), info
+        flat = self._seen = self._flat(seen)
+        return flat, reward.clone()[:, None], terminated[:, None].clone(), truncated[:, None].clone(), info
 
     def state(self) -> torch.Tensor | None:
         """None: observations are all there is."""
