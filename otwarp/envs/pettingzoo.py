@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import deepcopy
 from typing import Any, ClassVar
 
 import numpy as np
@@ -33,6 +34,7 @@ class ParallelEnv(PettingZooParallelEnv):
         if task.choices:
             raise InputError(f"task {task.name} has choices, which are of all hands; allowed: tasks without")
         self.env = environment(task, device=device, render_mode=render_mode)
+        self.metadata = {**type(self).metadata, "render_modes": self.env.metadata["render_modes"]}  # type: ignore[misc]
         self.render_mode = render_mode
         self.possible_agents = [hand.name for hand in task.hands]
         self.agents: list[str] = []
@@ -104,8 +106,8 @@ class ParallelEnv(PettingZooParallelEnv):
             raise InputError(f"action of {agent} is {values}; allowed: finite numbers, of which those within ±1 count")
         return values.clip(-1.0, 1.0)
 
-    def _all(self, seen: np.ndarray) -> dict[str, np.ndarray]:
-        return {agent: seen.copy() for agent in self.agents}
+    def _all(self, seen: Any) -> dict[str, Any]:
+        return {agent: deepcopy(seen) for agent in self.agents}
 
     def render(self) -> np.ndarray | None:
         """As `Env.render`."""

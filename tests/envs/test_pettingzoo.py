@@ -51,3 +51,11 @@ def test_what_is_no_action_is_refused_by_its_agent(env):
     env.reset(seed=1)
     wanted, *_ = env.step(STILL | {"right": np.array([1.0, 0.0, 0.0])})
     np.testing.assert_array_equal(seen["left"], wanted["left"])
+
+
+def test_arrays_of_an_agent_are_its_own(device):
+    task = from_scene("scenes/teleop_small.usda", observation="both", image_size=(8, 8))
+    env = ParallelEnv(task, device=device)
+    seen, _ = env.reset(seed=1)
+    for name, values in seen["left"].items():
+        assert np.array_equal(values, seen["right"][name]) and not np.shares_memory(values, seen["right"][name])
