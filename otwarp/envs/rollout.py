@@ -13,6 +13,7 @@ from otwarp.envs.randomise.groups import group_tasks
 from otwarp.envs.results import information
 from otwarp.envs.task import Policy, Task
 from otwarp.errors import InputError
+from otwarp.simulation.packing.arguments import whole
 
 POLICIES = ("random", "expert", "still")
 
@@ -104,13 +105,14 @@ def run_policy(
     the other.
 
     Raises:
-        InputError: The task cannot be, or the policy returns something else.
+        InputError: The task cannot be, a number that is none, or the policy returns something else.
     """
-    tasks = group_tasks(task)
+    tasks, episodes, seed = group_tasks(task), whole("episodes", episodes, 1), whole("seed", seed, 0)
+    together = episodes if worlds is None else whole("worlds", worlds, 1)
     found: dict[str, np.ndarray] = {}
     for g, one in enumerate(tasks[:episodes]):
         numbers = np.arange(g, episodes, len(tasks))
-        count = min(worlds or episodes, len(numbers))
+        count = min(together, len(numbers))
         batch, account = Batch(one, count, device=device, autoreset="off"), _Account()
         for first in range(0, len(numbers), count):
             # the last block is filled up with environments that do not count

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium
@@ -75,7 +76,8 @@ class Env(gymnasium.Env):
         self.refuse_closed()
         given = read_seed(seed)
         if options:
-            raise InputError(f"option {next(iter(options))!r} of reset is unknown; allowed: none")
+            wrong = next(iter(options)) if isinstance(options, Mapping) else options
+            raise InputError(f"option {wrong!r} of reset is unknown; allowed: none")
         super().reset(seed=given)
         first = -1 if given is None else given % 2**32
         if first < 0 and not self._started:

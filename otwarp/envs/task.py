@@ -172,13 +172,15 @@ class Task:
             raise InputError(
                 f"{self._of('expert')} is {self.expert!r}; allowed: a function that makes a policy, or None"
             )
-        size = self.image_size
-        if not isinstance(size, tuple) or len(size) != 2 or not all(_counts(n, MOST_PIXELS) for n in size):
+        size = self.image_size if isinstance(self.image_size, tuple | list) else ()
+        if len(size) != 2 or not all(_counts(n, MOST_PIXELS) for n in size):
             allowed = f"two whole numbers from 1 to {MOST_PIXELS}"
-            raise InputError(f"{self._of('image_size')} is {size!r}; allowed: {allowed}")
+            raise InputError(f"{self._of('image_size')} is {self.image_size!r}; allowed: {allowed}")
+        self._set("image_size", (int(size[0]), int(size[1])))
         if not _counts(self.image_binning, MOST_BINNED):
             raise InputError(f"{self._of('image_binning')} is {self.image_binning!r}; "
                              f"allowed: a whole number from 1 to {MOST_BINNED}")  # fmt: skip
+        self._set("image_binning", int(self.image_binning))
 
     def _check_terms(self) -> None:
         """Terms are what they are used for, and have names of their own."""
@@ -228,4 +230,4 @@ def _check_text(name: str, value: Any) -> None:
 
 def _counts(value: Any, most: int) -> bool:
     """Whether it is a whole number from 1 to `most`."""
-    return isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= most
+    return isinstance(value, int | np.integer) and not isinstance(value, bool) and 1 <= int(value) <= most

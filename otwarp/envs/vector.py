@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -250,6 +250,8 @@ def read_mask(options: dict[str, Any] | None, num_envs: int) -> np.ndarray | Non
     Raises:
         InputError: An option that is none, or no mask.
     """
+    if options is not None and not isinstance(options, Mapping):
+        raise InputError(f"options of reset are {options!r}; allowed: {{'reset_mask': …}}, or None")
     for name in options or {}:
         if name not in _OPTIONS:
             raise InputError(f"option {name!r} of reset is unknown; allowed: {', '.join(_OPTIONS)}")

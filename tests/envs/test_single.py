@@ -122,6 +122,11 @@ def test_bad_actions_are_refused_and_change_nothing(device):
         (lambda: VectorEnv(TASK, 2, device="cpu").reset(options={"reset_mask": np.ones(3, dtype=bool)}), "reset_mask"),
         (lambda: VectorEnv(TASK, 2, device="cpu").reset(seed=np.array(-5)), "seed is -5; allowed"),
         (lambda: VectorEnv(TASK, 2, device="cpu").reset(options={"reset_mask": [[True], [True, False]]}), "reset_mask"),
+        (
+            lambda: VectorEnv(TASK, 2, device="cpu").reset(options=3),
+            "options of reset are 3; allowed: {'reset_mask': …}",
+        ),
+        (lambda: Env(TASK, device="cpu").reset(options=3), "option 3 of reset is unknown"),
         (lambda: VectorEnv(TASK, 0), "num_envs"),
         (lambda: VectorEnv(TASK, 1, arrays="jax"), "arrays is 'jax'; allowed: numpy, torch"),
         (lambda: VectorEnv(TASK, 1, autoreset_mode="never"), "autoreset_mode is 'never'; allowed: NextStep"),
@@ -246,3 +251,6 @@ def test_policies_run_to_the_end_of_their_episodes(device):
     assert np.all(np.abs(again.earned) < 0.2)
     refused(lambda: policy_of(SHORT, "best"), "policy is 'best'")
     refused(lambda: run_policy(SHORT, lambda seen, fresh: np.zeros(3), episodes=1, device=device), "policy returned")
+    still = policy_of(SHORT, "still")
+    for wrong in ({"episodes": 0}, {"episodes": 2.5}, {"worlds": 0}, {"seed": -1}):
+        refused(lambda wrong=wrong: run_policy(SHORT, still, device=device, **wrong), f"{next(iter(wrong))} is")

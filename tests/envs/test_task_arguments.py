@@ -73,10 +73,11 @@ def test_what_is_no_task_or_scene_is_told_in_one_line():
 
 def test_numbers_may_be_arrays_and_lists():
     task = dataclasses.replace(
-        TASK, goal=np.array([1.0, 2.0, 3.0]), goal_half=[1, 0, 0], rate=np.float32(10), power=[0, 1]
-    )
+        TASK, goal=np.array([1.0, 2.0, 3.0]), goal_half=[1, 0, 0], rate=np.float32(10), power=[0, 1],
+        image_size=[np.int64(8), 4], image_binning=np.int64(2),
+    )  # fmt: skip
     assert task.goal == (1.0, 2.0, 3.0) and task.goal_half == (1.0, 0.0, 0.0) and task.rate == 10.0
-    assert task.power == (0.0, 1.0)
+    assert task.power == (0.0, 1.0) and task.image_size == (8, 4) and task.image_binning == 2
 
 
 @pytest.mark.parametrize("rate", [0.1, 10_000.0])
