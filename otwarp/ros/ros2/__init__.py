@@ -6,6 +6,7 @@ first.
 - `bridge`: what a live loop publishes, and what a controller and two hands ask of it.
 - `node`: publishers and subscriptions that never block.
 - `messages`: the types, as `rosidl` would generate them.
+- `cyclonedds_internals`: taking and deleting, safe against interrupts.
 - `dds`: what names, environment variables and policies of ROS 2 mean to DDS.
 """
 

@@ -15,6 +15,7 @@ from types import ModuleType
 from typing import Any
 
 from otwarp.errors import InputError
+from otwarp.ros.ros2.cyclonedds_internals import delete, take
 from otwarp.ros.ros2.dds import (
     RELIABLE,
     SENSOR_DATA,
@@ -65,10 +66,12 @@ def _hold_domain(number: int) -> None:
 
 
 def _drop_domain(number: int) -> None:
-    """Forget a domain when its last node has left."""
-    with _domains_lock:
+    """Delete a domain when its last node has left."""
+    with _domains_lock:  # or somebody who joins meanwhile would lose it
         domain, users = _domains[number]
         if users == 1:
+            if domain is not None:
+                delete(domain)
             del _domains[number]
         else:
             _domains[number] = (domain, users - 1)
@@ -118,7 +121,10 @@ class Publisher:
 
     def close(self) -> None:
         """Leave the topic; may be called more than once."""
-        self._writer = None
+        if self._writer is not None:
+            delete(self._writer)
+            delete(self._writer.topic)
+            self._writer = None
 
 
 class Subscription:
@@ -130,7 +136,7 @@ class Subscription:
         malformed: Messages that came and could not be read; they are dropped.
     """
 
-    def __init__(self, reader: Any, topic: str, kind: type, depth: int):
+    def __init__(self, reader: Any, topic: str, kind: Any, depth: int):
         self._reader, self._kind, self._depth = reader, kind, depth
         self.topic, self.received, self.malformed = topic, 0, 0
 
@@ -145,21 +151,20 @@ class Subscription:
         Raises:
             InputError: The node is closed.
         """
-        if self._reader is None:
+        messages, reader = [], self._reader
+        if reader is None:
             raise InputError(f"subscription of {self.topic} is closed; allowed: take before close")
-        messages = []
-        # one by one, so that a message that cannot be read takes no other with it; a bound, so that a peer that sends
-        # faster than it is read cannot keep the caller here
+        # a bound, so that a peer that sends faster than it is read cannot keep the caller here
         for _ in range(self._depth):
+            data = take(reader)
+            if data is None:
+                break
+            if not data:  # a writer has ended
+                continue
             try:
-                taken = self._reader.take(N=1)
+                messages.append(self._kind.deserialize(data))
             except Exception:  # struct.error, UnicodeDecodeError, …: whatever bytes from the network can raise
                 self.malformed += 1
-                continue
-            if not taken:
-                break
-            # the end of a writer comes as a sample without data
-            messages.extend(message for message in taken if isinstance(message, self._kind))
         self.received += len(messages)
         return messages
 
@@ -170,7 +175,10 @@ class Subscription:
 
     def close(self) -> None:
         """Leave the topic; may be called more than once."""
-        self._reader = None
+        if self._reader is not None:
+            delete(self._reader)
+            delete(self._reader.topic)
+            self._reader = None
 
 
 class Ros2Node:
@@ -198,9 +206,11 @@ class Ros2Node:
         try:
             qos = Qos(Policy.Userdata(ENCLAVE), Policy.EntityName(self.name))
             self._participant: Any = DomainParticipant(self.domain, qos)
-        except DDSException as error:
+        except BaseException as error:
             _drop_domain(self.domain)
-            raise InputError(f"domain is {self.domain}; Cyclone DDS cannot join it: {error.msg}") from None
+            if isinstance(error, DDSException):
+                raise InputError(f"domain is {self.domain}; Cyclone DDS cannot join it: {error.msg}") from None
+            raise
 
     def publisher(self, topic: str, kind: str | type, qos: QoS = RELIABLE) -> Publisher:
         """A publisher.
@@ -261,8 +271,8 @@ class Ros2Node:
             return
         for end in self._ends:
             end.close()
+        delete(self._participant)
         self._ends.clear()
-        # Cyclone deletes an entity with its last reference
         self._participant = None
         _drop_domain(self.domain)
 
