@@ -147,13 +147,13 @@ class GroupedVectorEnv(GymnasiumVectorEnv):
         render_mode: str | None = None,
         render_envs: Sequence[int] = (0,),
     ):
+        self.envs: list[VectorEnv] = []  # at once: Gymnasium 1.2 closes what was refused, too
         num_envs = whole("num_envs", num_envs, 1)
         self._drawn = drawn(render_envs, num_envs)
         self.task, self.tasks, self.num_envs = task, group_tasks(task), num_envs
         groups = min(len(self.tasks), num_envs)
         how: dict[str, Any] = {"device": device, "arrays": arrays, "autoreset_mode": autoreset_mode}
         self._parts = [slice(g, None, groups) for g in range(groups)]
-        self.envs: list[VectorEnv] = []
         for g, part in enumerate(self._parts):
             mine = [n // groups for n in self._drawn if n % groups == g]
             count = len(range(num_envs)[part])

@@ -35,7 +35,7 @@ class RslRlVecEnv(VecEnv):
             )
         self.envs, self.cfg = envs, {"task": base.task.name}
         self.num_envs, self.num_actions = envs.num_envs, envs.single_action_space.shape[0]  # type: ignore[index]
-        self.max_episode_length = round(base.task.time_limit * base.task.rate)
+        self.max_episode_length = max(1, round(base.task.time_limit * base.task.rate))
         self.device = torch.device(str(base.device))
         self.episode_length_buf = torch.zeros(self.num_envs, dtype=torch.long, device=self.device)
         self._seen = self._groups(envs.reset(seed=seed)[0])
