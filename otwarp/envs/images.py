@@ -46,7 +46,7 @@ class Images:
         self.levels = np.zeros((batch.worlds, height, width, 1), dtype=np.uint8)
 
     def record(self, chosen: np.ndarray | None = None) -> None:
-        """Take images of worlds as they are; a GPU takes those of `TOGETHER` at once.
+        """Take images of worlds as they are, black ones of states that are no numbers; a GPU takes `TOGETHER` at once.
 
         Args:
             chosen: (W) bool; None for all.
@@ -54,7 +54,10 @@ class Images:
         batch = self.batch
         position, orientation = batch.sim.prim_poses()
         trial, period = batch.episode.number.numpy(), batch.episode.period.numpy()
-        wanted = np.arange(batch.worlds) if chosen is None else np.flatnonzero(chosen)
+        wanted = np.ones(batch.worlds, dtype=bool) if chosen is None else chosen
+        there = np.isfinite(position).all(axis=(1, 2)) & np.isfinite(orientation).all(axis=(1, 2))
+        self.levels[wanted & ~there] = 0
+        wanted = np.flatnonzero(wanted & there)
         for first in range(0, len(wanted), TOGETHER):
             some = wanted[first : first + TOGETHER]
             regions = [self._region(place) for place in position[some, self.body]]

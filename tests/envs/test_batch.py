@@ -140,6 +140,23 @@ def test_where_worlds_start_anew_at_once_all_of_them_are_stepped(how, device):
     assert all(np.array_equal(there[name], here[name]) for name in there if name != "readout.fault_count")
 
 
+def test_a_state_that_is_no_number_earns_none(device):
+    """Returns and gradients of all environments are sums of rewards."""
+    lost, other = (Batch(TASK, 3, device=device, autoreset="off") for _ in range(2))
+    for batch in (lost, other):
+        batch.restart(seeds=np.arange(3))
+    place = lost.sim.state.position.numpy().copy()
+    place[1] = np.nan
+    lost.sim.state.position.assign(place)
+    for batch in (lost, other):
+        batch.step()
+    assert lost.verdict.outcome.numpy()[1] == -1 and lost.verdict.terminated.numpy()[1]
+    for name in ("reward", "earned", "seen"):
+        here, there = (getattr(batch.verdict, name).numpy() for batch in (lost, other))
+        assert np.isfinite(here).all() and np.array_equal(here[[0, 2]], there[[0, 2]])
+    assert lost.verdict.reward.numpy()[1] == 0.0
+
+
 @pytest.mark.parametrize("mode", ["next", "off"])
 def test_worlds_on_hold_and_those_that_are_over_are_not_stepped(mode, device):
     n, far = 6, 2

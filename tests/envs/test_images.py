@@ -80,6 +80,19 @@ def _are_alike(tensors, arrays):
     assert np.array_equal(tensors.cpu().numpy(), arrays)
 
 
+def test_a_world_whose_state_is_no_number_is_black_and_the_others_go_on(device):
+    lost, other = (VectorEnv(SMALL, 2, device=device) for _ in range(2))
+    still = np.zeros((2, 2), dtype=np.float32)
+    for envs in (lost, other):
+        envs.reset(seed=3)
+    place = lost.batch.sim.state.position.numpy().copy()
+    place[1] = np.nan
+    lost.batch.sim.state.position.assign(place)
+    (seen, _, terminated, *_), (wanted, *_) = lost.step(still), other.step(still)
+    assert np.array_equal(terminated, [False, True]) and not seen[1].any() and np.array_equal(seen[0], wanted[0])
+    assert lost.step(still)[0][1].any(), "it starts anew"
+
+
 def middle(image, width):
     """(2) where what is not background lies, from the middle, x to the right and y up [pixels]."""
     unlike = np.abs(image[..., 0].astype(float) - np.median(image))

@@ -252,6 +252,10 @@ def judge_world_term(terms: TaskTerms) -> wp.Function:
         if held == 0:
             reward, earned = earn(now, numbers.earned, numbers.weight)
             found = outcome_of(now, done, numbers)
+            # learners add rewards up: one that is no number would be in all that they learn
+            if found.code < 0 and not wp.isfinite(reward):
+                reward = float(0.0)
+                earned = earned_row()
         elif held != 1:
             found.done = done
         seen = see(now, numbers.seen, numbers.scale)
