@@ -17,8 +17,8 @@ TIME_LIMITS = (1e-4, 1e5)
 """Of episodes [s]: at the highest rate 10⁹ periods, which 32 bits count."""
 SPEEDS = (1e-3, 1e4)
 """Of a hand [µm/s]."""
-MOST_POWER = 1e5
-"""Of a trap [mW]."""
+MOST_POWER = 1e4
+"""Of a trap [mW], as of the parameter `trap_power`."""
 
 
 def within(name: str, value: Any, low: float, high: float, unit: str) -> float:

@@ -36,7 +36,7 @@ def refused(call, *said):
         ("speed_limit", (0, 1e5, None), "allowed: a number from 0.001 to 10000 µm/s"),
         ("goal", ("a", (1, 2), (1e30, 0, 0), (NAN, 0, 0), (1, 2, "x"), 5), PLACE),
         ("goal_half", (None, (1e38, 0, 0), (-1, 0, 0)), "allowed: three numbers from 0 to 10000 µm"),
-        ("power", (None, (1, 1), (-1, 2), (0, np.inf)), "allowed: two numbers, 0 ≤ low < high ≤ 100000 mW"),
+        ("power", (None, (1, 1), (-1, 2), (0, np.inf), (0, 10_001)), "allowed: two numbers, 0 ≤ low < high ≤ 10000 mW"),
         ("choices", (5, ((NAN, 0),), ((1, 2), (1,)), "ab"), "allowed: rows of finite numbers"),
         ("randomise", (5, None), "allowed: axes of otwarp.studies by name"),
         ("hands", (5, ("left",), Hand(name="a", traps=(TRAP,))), "allowed: a tuple of hands"),
