@@ -11,18 +11,13 @@ from otwarp.errors import InputError
 from otwarp.ros.ros2 import Publisher, Ros2Node, load_messages
 from otwarp.ros.ros2 import node as node_module
 from otwarp.ros.ros2.dds import cyclone_config
-from tests.ros.ros2.setups import child, expect_soon, loopback
+from tests.ros.ros2.setups import child, expect_soon
 
 pytest.importorskip("cyclonedds")
 m = load_messages()
 
 INTERRUPTS = 3000
 """Signals that come while messages are taken; `DataReader.take` of cyclonedds 11.0.1 outlived 74 at most."""
-
-
-@pytest.fixture
-def domain(monkeypatch):
-    return loopback(monkeypatch)
 
 
 @pytest.fixture

@@ -10,18 +10,13 @@ import pytest
 from otwarp.errors import InputError
 from otwarp.ros.ros2 import RELIABLE, SENSOR_DATA, Publisher, QoS, Ros2Node, load_messages
 from otwarp.ros.ros2 import node as node_module
-from tests.ros.ros2.setups import child, expect_soon, loopback
+from tests.ros.ros2.setups import child, expect_soon
 
 pytest.importorskip("cyclonedds")
 m = load_messages()
 
 FUZZED = 300
 """Malformed payloads; each is refused, counted, or read as some message, and none may do harm."""
-
-
-@pytest.fixture
-def domain(monkeypatch):
-    return loopback(monkeypatch)
 
 
 @pytest.fixture
