@@ -14,7 +14,7 @@ from otwarp.teleop.page.compose import compose
 from otwarp.view.edit_page import HANDLE
 from tests.teleop.page.browser import ARTIFACTS, browser, pixel
 from tests.view.runs import SCENE
-from tests.view.test_browser import PATIENCE, WIDE, page_of, violations
+from tests.view.test_browser import PATIENCE, WIDE, accessible, page_of
 from tests.view.test_new_pieces import tetrahedron
 
 pytest.importorskip("viser")
@@ -105,7 +105,7 @@ def test_a_scene_is_drawn_and_saved(tmp_path: Path):
         window.get_by_text(re.compile("7 traps, 2 robots, 2 cells, 7 obstacles")).wait_for(timeout=PATIENCE)
         ARTIFACTS.mkdir(parents=True, exist_ok=True)
         window.screenshot(path=ARTIFACTS / "edit.png")
-        assert violations(window) == []
+        assert accessible(window)
 
         saved = save_once(window, out)
         assert errors == []
@@ -152,7 +152,7 @@ def test_a_robot_and_a_mesh_are_added_and_remarked_on(tmp_path: Path):
         ARTIFACTS.mkdir(parents=True, exist_ok=True)
         window.evaluate("document.querySelectorAll('.mantine-Notification-root').forEach((e) => e.remove())")
         window.screenshot(path=ARTIFACTS / "edit_pieces.png")
-        assert violations(window) == []
+        assert accessible(window)
         window.keyboard.press("Control+z")
         window.get_by_text("nothing: it would run as it is").wait_for(timeout=PATIENCE)
         window.get_by_role("button", name="Save").click()

@@ -19,7 +19,7 @@ from otwarp.view.study_map import RAMP, StudyMap, ramp
 from otwarp.view.trial import TrialSource
 from tests.studies.scenes import bead_in_a_well, study_of_a_well
 from tests.teleop.page.browser import ARTIFACTS, browser
-from tests.view.test_browser import PATIENCE, WIDE, comes, opened, page_of, share, violations
+from tests.view.test_browser import PATIENCE, WIDE, accessible, comes, opened, page_of, share
 
 pytest.importorskip("zarr")
 
@@ -96,4 +96,4 @@ def test_a_click_on_the_map_shows_a_trial(store: Store):
         comes(window, lambda: share(window) == 1.0)
         ARTIFACTS.mkdir(parents=True, exist_ok=True)
         window.screenshot(path=ARTIFACTS / "study_map.png")
-        assert violations(window) == [] and errors == []
+        assert accessible(window) and errors == []
