@@ -113,6 +113,9 @@ class Recorder:
                 forces=forces,
                 arrow_scale=scale,
             )
+            if unlike := self._usd.unlike:
+                self.warn(f"run.usda shows {', '.join(unlike[:3])}{', …' if len(unlike) > 3 else ''} as {scene.file} "
+                          "has them: they were changed in Python, where no file says what to show")  # fmt: skip
 
     def __enter__(self) -> Recorder:
         return self

@@ -9,6 +9,7 @@ from pxr import Usd, UsdGeom
 
 from otwarp.errors import InputError
 from otwarp.scene import Scene
+from otwarp.scene.read.variations import Variations
 from otwarp.scene.recording import usd as record_module
 from otwarp.scene.recording.force_arrows import ARROW_SCALE, SHORTEST
 from otwarp.scene.recording.usd import CLIP_FRAMES, UsdRecording
@@ -301,3 +302,43 @@ def test_cells_off_the_origin_of_a_turned_prototype_play_back_where_they_were(tm
         turns = np.array(instancer.GetOrientationsAttr().Get(code), dtype=float)
         # scenery and hidden instances stay as authored, (x, y, z, w)
         np.testing.assert_allclose(turns[[1, 3]], [[0.0, 0.0, 0.8, 0.6], [0.0, 0.6, 0.0, 0.8]], atol=HALF)
+
+
+def test_values_that_differ_from_the_file_are_in_the_run(tmp_path: Path) -> None:
+    file = write_stage(tmp_path / "scene")
+    values = {
+        "/World/Group/cell.radius": 1.25,
+        "/World/Crowd/Cell.radius": 1.5,
+        "/World/Group/left.xformOp:translate": (-2.2, 0.1, 0.0),
+        "/World/Traps/left.xformOp:translate": (-3.0, 1.0, 9.0),
+        "/World/block.size": 1.0,
+    }
+    scene = Variations(file).scene(values)
+    recording = record(scene, tmp_path / "run", [frame(scene, i) for i in range(40)])
+    assert recording.unlike == []
+    recording.flush()
+    for whole in (False, True):
+        if whole:
+            recording.close()
+        stage = Usd.Stage.Open(str(tmp_path / "run" / "run.usda"))
+        assert not stage.GetCompositionErrors()
+        for code in (0.0, 17.25, 39.0):
+            check(stage, scene, code)
+        cell, block = (stage.GetPrimAtPath(path) for path in ("/World/Group/cell", "/World/block"))
+        assert cell.GetAttribute("radius").Get() * UNIT == pytest.approx(1.25)
+        radius = cell.GetAttribute("radius").Get()
+        np.testing.assert_allclose(cell.GetAttribute("extent").Get(), [[-radius] * 3, [radius] * 3])
+        assert block.GetAttribute("size").Get() * UNIT == pytest.approx(1.0)
+        del stage, cell, block  # and with them the layers that they hold open
+    again = Scene.load(tmp_path / "run" / "run.usda")
+    assert [b.spheres[0].radius for b in again.bodies] == pytest.approx([b.spheres[0].radius for b in scene.bodies])
+
+
+def test_what_no_file_says_how_to_show_is_named(scene: Scene, tmp_path: Path) -> None:
+    cell = scene.bodies[2]
+    larger = dataclasses.replace(cell, spheres=(dataclasses.replace(cell.spheres[0], radius=2.0),))
+    dense = dataclasses.replace(cell, density=2.0 * (cell.density or 1000.0))
+    for changed, unlike in ((larger, [cell.prim]), (dense, [])):
+        bodies = (*scene.bodies[:2], changed, *scene.bodies[3:])
+        recording = UsdRecording(dataclasses.replace(scene, bodies=bodies), frames_per_second=RATE, held=HELD)
+        assert recording.unlike == unlike

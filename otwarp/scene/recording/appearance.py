@@ -1,9 +1,9 @@
-"""What a recorded run adds to its scene so that any program shows it: missing looks, and a camera if it has none."""
+"""What a recorded run adds to its scene so that any program shows it: changed values, missing looks, a camera."""
 
 from __future__ import annotations
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdUtils
 
 from otwarp.scene.appearance.missing import with_missing_looks
 from otwarp.scene.drawing.draw_list import View
@@ -13,6 +13,27 @@ from otwarp.scene.transforms import quaternions
 
 _FOCAL_LENGTH = 50.0
 _DIGITS = 9
+
+
+def changed_values(stage: Usd.Stage) -> Sdf.Layer:
+    """A layer with the values that the stage's session layer has in place of its file's, and extents that suit them."""
+    changed = stage.GetSessionLayer()
+    shapes = [UsdGeom.Boundable(stage.GetPrimAtPath(path)) for path in _prims(changed)]
+    with Usd.EditContext(stage, changed):
+        for shape in shapes:
+            if shape and shape.GetExtentAttr().HasAuthoredValue():
+                extent = UsdGeom.Boundable.ComputeExtentFromPlugins(shape, Usd.TimeCode.Default())
+                if extent is not None:
+                    shape.GetExtentAttr().Set(extent)
+    kept = Sdf.Layer.CreateAnonymous("changed.usda")
+    kept.TransferContent(changed)
+    return kept
+
+
+def _prims(layer: Sdf.Layer) -> list[Sdf.Path]:
+    found: list[Sdf.Path] = []
+    layer.Traverse(Sdf.Path.absoluteRootPath, lambda path: found.append(path) if path.IsPrimPath() else None)
+    return found
 
 
 def missing_appearance(stage: Usd.Stage) -> tuple[Sdf.Layer, Sdf.Path]:
@@ -29,9 +50,11 @@ def missing_appearance(stage: Usd.Stage) -> tuple[Sdf.Layer, Sdf.Path]:
 
 
 def add_layer(layer: Sdf.Layer, added: Sdf.Layer) -> None:
-    """Copy the prims of one layer into another that has none of their properties."""
+    """Put the prims of one layer into another, which keeps what it says of them itself."""
+    prims = Sdf.Layer.CreateAnonymous()  # without the layers that the one added lies over
     for spec in added.rootPrims:
-        Sdf.CopySpec(added, spec.path, layer, spec.path)
+        Sdf.CopySpec(added, spec.path, prims, spec.path)
+    UsdUtils.StitchLayers(layer, prims)
 
 
 def _define_camera(stage: Usd.Stage, path: Sdf.Path, view: View, unit: float) -> Usd.Prim:

@@ -20,6 +20,7 @@ than that (every 10 ms or so here), what is not yet flushed is never older than 
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import re
 import shutil
@@ -27,15 +28,16 @@ import time as clock
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pxr import Gf, Sdf, Tf, Vt
 
 from otwarp.errors import InputError
 from otwarp.files import written
 from otwarp.scene.read.diagnostics import usd_reason
-from otwarp.scene.read.source import Source, open_stage
-from otwarp.scene.recording.appearance import add_layer, missing_appearance
+from otwarp.scene.read.source import Source
+from otwarp.scene.read.variations import Variations
+from otwarp.scene.recording.appearance import add_layer, changed_values, missing_appearance
 from otwarp.scene.recording.force_arrows import ARROW_SCALE, ForceArrows
 from otwarp.scene.recording.prims import BodyPoses, Instances, SampleSource, Traps, attribute
 from otwarp.scene.scene import Scene
@@ -62,13 +64,17 @@ class UsdRecording:
     Time code = simulated seconds × frames per second; what the scene itself animates (obstacles) plays along.
 
     Args:
-        scene: What is being run; it was loaded from a file.
+        scene: What is being run; it was loaded from a file. Its `overrides` go into the trajectory.
         frames_per_second: Frames per simulated second.
         time_step: Time step [s]: a frame that is off its time code by no more than half a step is put on it.
         world: Which world is written.
         held: Per trap the body and the sphere it holds, -1 for none.
         forces: Whether force arrows are written.
         arrow_scale: Length of a force arrow [µm/pN].
+
+    Attributes:
+        unlike: Paths of bodies and obstacles that are shown as in the file, though they were changed in Python by other
+            means than `overrides`.
 
     Raises:
         InputError: The scene has no file, or the file no longer opens.
@@ -91,7 +97,9 @@ class UsdRecording:
                 "scene.file = None: a USD recording sublayers the scene; allowed: a scene loaded from a file"
             )
         self._file, self._rate, self._world = scene.file.resolve(), frames_per_second, world
-        stage = open_stage(scene.file)
+        stages = Variations(scene.file)
+        self.unlike = _unlike(scene, stages.scene(scene.overrides))
+        stage = stages.varied(scene.overrides)
         self._source = source = Source(stage, str(scene.file))
         sources: list[SampleSource] = [BodyPoses(source, scene), Traps(source, scene), Instances(source, scene)]
         if forces:
@@ -101,6 +109,7 @@ class UsdRecording:
         self._frame_size = sum(a.size for a in self._sampled)
         self._snap = max(1e-6, 0.5001 * time_step * frames_per_second)
         self._root = stage.GetDefaultPrim().GetPath()
+        self._changed = changed_values(stage)
         self._appearance, self._camera = missing_appearance(stage)
         self._offset = -source.start * frames_per_second / source.rate
         self._clips: list[float] = []
@@ -211,6 +220,7 @@ class UsdRecording:
     def _still(self) -> Sdf.Layer:
         """The trajectory without its samples."""
         layer = self._layer()
+        add_layer(layer, self._changed)
         add_layer(layer, self._appearance)
         for source in self._sources:
             source.author(layer)
@@ -254,6 +264,23 @@ class UsdRecording:
         if self._end is not None:
             os.close(self._end[0])
         self._end = (os.open(path, os.O_WRONLY), found.start(1))
+
+
+def _unlike(scene: Scene, shown: Scene) -> list[str]:
+    """Paths of bodies and obstacles that are not shown as they are: shapes of both, and places of obstacles."""
+
+    def looks(of: Scene) -> dict[tuple[str, int | None], Any]:
+        solids = {
+            (body.prim, body.instance): (
+                [(s.prim, *s.offset, s.radius) for s in body.spheres],
+                [(r.prim, *r.start, *r.end, r.radius) for r in body.rods],
+            )
+            for body in of.bodies
+        }
+        return solids | {(o.prim, None): dataclasses.replace(o, hydrodynamic=False) for o in of.obstacles}
+
+    there = looks(shown)
+    return sorted({key[0] for key, look in looks(scene).items() if key in there and look != there[key]})
 
 
 def _padded(code: float) -> bytes:
