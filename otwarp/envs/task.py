@@ -13,6 +13,7 @@ from otwarp.envs import task_arguments as arguments
 from otwarp.envs.terms import Term
 from otwarp.errors import InputError
 from otwarp.scene import Scene
+from otwarp.studies.axes import axis_of
 
 ActionKind = Literal["velocity", "power", "both"]
 Observation = Literal["state", "image", "both"]
@@ -91,7 +92,8 @@ class Task:
         goal_half: Half widths of the box about it in which the goal of an episode lies [µm].
         shifts: What starts elsewhere in each episode.
         randomise: What differs from episode to episode: axes of `otwarp.studies` by name, such as
-            `{"trap_power": ot.studies.random(4, 6, 64, unit="mW")}`; one value of each axis is chosen anew.
+            `{"trap_power": ot.studies.random(4, 6, 64, unit="mW")}`, or tables as in a study's file, such as
+            `{"trap_power": {"values": [4, 5, 6], "unit": "mW"}}`; one value of each axis is chosen anew.
         observation: What is observed: the `state`, which are the terms; an `image` of the microscope; or `both`.
         image_size: Width and height of images [pixels].
         image_binning: Pixels of the camera along each side of a pixel of an image, which is their mean.
@@ -145,6 +147,11 @@ class Task:
                 raise InputError(f"task {self.name} has two hands {name!r}; allowed: a name for each")
         if not isinstance(self.randomise, Mapping):
             raise InputError(f"{self._of('randomise')} is {self.randomise!r}; allowed: axes of otwarp.studies by name")
+        axes = {
+            name: axis_of(axis, f"randomise {name} of task {self.name}") if isinstance(axis, Mapping) else axis
+            for name, axis in self.randomise.items()
+        }
+        self._set("randomise", axes)
 
     def _read_numbers(self) -> None:
         """Numbers in their ranges, as floats."""

@@ -9,6 +9,9 @@ import pytest
 
 pytest.importorskip("gymnasium")
 
+import gymnasium as gym
+from gymnasium.envs.registration import EnvSpec
+
 from otwarp.cli.main import main
 from otwarp.envs import Env, GroupedEnv, GroupedVectorEnv, Hand, Shift, VectorEnv, from_scene
 from otwarp.envs.batch import Batch
@@ -98,3 +101,20 @@ def test_the_command_line_refuses_them_too(option, capsys):
     assert main(["envs", "play", "otwarp/Navigate-v0", "--policy", "still", "--option", option]) == 2
     error = capsys.readouterr().err
     assert option.partition("=")[0] in error and "allowed: " in error and error.count("\n") == 1
+
+
+def test_axes_may_be_tables_which_a_spec_keeps():
+    axes = {
+        "trap_power": {"values": [4.0, 6.0], "unit": "mW"},
+        "/World/robot/sphere.radius": {"values": [2.4, 2.6], "unit": "µm"},
+    }
+    env = gym.make("otwarp/Navigate-v0", randomise=axes, device="cpu")
+    again = gym.make(EnvSpec.from_json(env.spec.to_json()))
+    for seed in range(3):
+        np.testing.assert_array_equal(env.reset(seed=seed)[0], again.reset(seed=seed)[0])
+    assert again.unwrapped.spec.kwargs["randomise"] == axes
+    env.close()
+    again.close()
+    refused(lambda: dataclasses.replace(TASK, randomise={"trap_power": {"grid": {"from": 1}}}), "randomise trap_power",
+            "tests/Bead-v0", "from, to and count")  # fmt: skip
+    refused(lambda: dataclasses.replace(TASK, randomise={"trap_power": {"value": 1}}), "allowed: unit and one of")
