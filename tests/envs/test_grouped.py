@@ -61,6 +61,7 @@ def task_in(file, **changes):
     return dataclasses.replace(task, **shortened | changes)
 
 
+@pytest.mark.quick
 def test_each_value_that_needs_a_model_has_a_task_of_its_own(file):
     """All combinations; what worlds of one model may differ in is left to the table."""
     task = task_in(
@@ -84,6 +85,7 @@ def test_each_value_that_needs_a_model_has_a_task_of_its_own(file):
     assert group_tasks(alone) == (alone,)
 
 
+@pytest.mark.quick
 def test_what_goes_along_with_a_radius_has_the_value_of_its_row(file):
     density = studies.values([1000.0, 2000.0, 3000.0], unit="kg/m³")
     task = task_in(file, randomise={(RADIUS, f"{BEAD}.ot:body:density"): (RADII, density)})
@@ -92,6 +94,7 @@ def test_what_goes_along_with_a_radius_has_the_value_of_its_row(file):
     assert np.allclose([b.density for b in bodies], [1e-9, 2e-9, 3e-9])
 
 
+@pytest.mark.quick
 def test_a_change_of_the_task_and_one_of_its_axes_are_both_kept(file):
     """As of a shipped task whose bodies touch nothing, which its file does not say."""
     scene = Scene.load(file)
@@ -148,6 +151,7 @@ def test_episodes_of_one_are_those_of_its_models(file, device):
     env.close()
 
 
+@pytest.mark.quick
 def test_models_come_up_equally_often():
     """Of 3,000 episodes 1,000 each, standard deviation √(n p q) = 26."""
     counts = np.bincount([group_of(seed, episode, 3) for seed in range(60) for episode in range(50)])
@@ -273,6 +277,7 @@ def test_wrapped_ones_are_checked_beside_a_list_of_single_ones(file, device):
     assert len(check_vector(make, single=singles, steps=3, num_envs=2)) == 7
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize(
     ("make", "said"),
     [

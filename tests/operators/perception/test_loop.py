@@ -31,7 +31,6 @@ def asked():
     return study()
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("eyes", ["microscope", "twin"])
 def test_without_errors_it_is_the_plain_loop(asked, eyes):
     """Bit for bit, whatever the operators look at."""
@@ -49,7 +48,6 @@ def test_a_picture_every_period_gives_the_perfect_force(asked):
     assert np.all(loop.fidelity()["force_rmse"][3:] == 0.0)
 
 
-@pytest.mark.thorough
 def test_errors_are_felt():
     """By the same operator: each makes the force worse, and lateness without time stamps more than with."""
     each = [{}, {"delay": 0.1}, {"delay": 0.1, "stamped": False}, {"depth_error": 0.2}, {"lateral_error": 0.2},
