@@ -268,19 +268,20 @@ class UsdRecording:
 
 def _unlike(scene: Scene, shown: Scene) -> list[str]:
     """Paths of bodies and obstacles that are not shown as they are: shapes of both, and places of obstacles."""
+    there = _looks(shown)
+    return sorted({key[0] for key, look in _looks(scene).items() if key in there and look != there[key]})
 
-    def looks(of: Scene) -> dict[tuple[str, int | None], Any]:
-        solids = {
-            (body.prim, body.instance): (
-                [(s.prim, *s.offset, s.radius) for s in body.spheres],
-                [(r.prim, *r.start, *r.end, r.radius) for r in body.rods],
-            )
-            for body in of.bodies
-        }
-        return solids | {(o.prim, None): dataclasses.replace(o, hydrodynamic=False) for o in of.obstacles}
 
-    there = looks(shown)
-    return sorted({key[0] for key, look in looks(scene).items() if key in there and look != there[key]})
+def _looks(scene: Scene) -> dict[tuple[str, int | None], Any]:
+    """What is seen of bodies and obstacles but for where bodies are, by path and instance."""
+    solids = {
+        (body.prim, body.instance): (
+            [(s.prim, *s.offset, s.radius) for s in body.spheres],
+            [(r.prim, *r.start, *r.end, r.radius) for r in body.rods],
+        )
+        for body in scene.bodies
+    }
+    return solids | {(o.prim, None): dataclasses.replace(o, hydrodynamic=False) for o in scene.obstacles}
 
 
 def _padded(code: float) -> bytes:
