@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import subprocess
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from otwarp.bench.commit import commit_of
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
 from otwarp.errors import InputError
@@ -26,19 +25,7 @@ def commit() -> str:
 
     A copy without its history tells it by the variable `OTWARP_COMMIT`.
     """
-    told = os.environ.get("OTWARP_COMMIT", "")
-    try:
-        known = _git("rev-parse", "--short=8", "HEAD")
-        changed = _git("status", "--porcelain", "--", "otwarp", "benchmarks", "scenes")
-    except (OSError, subprocess.CalledProcessError):
-        return told
-    return told or known + "+" * bool(changed)
-
-
-def _git(*words: str) -> str:
-    """What git says of this repository."""
-    done = subprocess.run(["git", *words], cwd=PAGES.parents[1], capture_output=True, text=True, check=True)
-    return done.stdout.strip()
+    return commit_of(PAGES.parents[1], "otwarp", "benchmarks", "scenes")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,5 +17,6 @@ All of them time by `timing` (interleaved pairs, medians and quartiles), say whe
 ladder of force models, `timed_rung` steps it, `radial_wells` says what it does; `closed_forms` are those of contact,
 springs and floors; `scenes` has small scenes with closed forms. Open `speed/measure.py` first.
 
-Scripts of the repository's `benchmarks/` use these rooms; nothing here knows of them.
+Scripts of the repository's `benchmarks/` use these rooms, and `commit`, to say whose figures are; nothing here knows of
+them.
 """

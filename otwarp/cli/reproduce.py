@@ -95,12 +95,13 @@ def _print(found: Report, asked: set[str], as_json: bool) -> None:
         click.echo(json.dumps({"report": str(found.page), "seconds": seconds, "missing": found.missing}, indent=2,
                               ensure_ascii=False))  # fmt: skip
         return
+    from otwarp.reproduce.parts import how_long
     from otwarp.reproduce.report import took
 
     for one in found.done:
         if one.name not in asked:
             continue
-        click.echo(f"{one.title} ({one.seconds:.0f} s)")
+        click.echo(f"{one.title} ({how_long(one.parts)})")
         for row in one.result.comparisons:
             unit = f" {row.unit}" if row.unit else ""
             click.echo(f"    {row.what}: paper {row.paper.said()}, ours {row.ours.said()}{unit}")

@@ -9,8 +9,9 @@ from otwarp.errors import InputError
 from otwarp.files import check_place, written
 from otwarp.reproduce.drawing import write_small
 from otwarp.reproduce.item import GRADES
+from otwarp.reproduce.parts import how_long, where
 from otwarp.reproduce.registry import ITEMS
-from otwarp.reproduce.report import PAPER, took
+from otwarp.reproduce.report import PAPER, took, whose
 from otwarp.reproduce.store import Done, Store
 
 PREFIX = "paper_"
@@ -72,7 +73,7 @@ def markdown(store: Store, done: Sequence[Done]) -> str:
         + ". SE is a standard error, brackets hold 95 % intervals, ± after a mean is the spread of what it is the "
           "mean of.",
         "",
-        took(done),
+        f"{took(done)} {whose(done)}",
         "",
     ]  # fmt: skip
     for one in done:
@@ -117,7 +118,7 @@ def _item(one: Done) -> list[str]:
         if table.note:
             lines += [_words(table.note), ""]
     computed = "; ".join(f"{key}: {value}" for key, value in found.computed.items())
-    return [*lines, f"*Computed in {one.seconds:.0f} s on {one.machine}. {_words(computed)}.*", ""]
+    return [*lines, f"*Computed in {how_long(one.parts)} on {where(one.parts)}. {_words(computed)}.*", ""]
 
 
 def _row(*cells: str) -> str:

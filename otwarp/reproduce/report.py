@@ -8,11 +8,13 @@ import html
 import io
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 from otwarp import __version__
 from otwarp.files import written
 from otwarp.reproduce.item import GRADES, Comparison, Table
+from otwarp.reproduce.parts import Part, by_machine, how_long, where
 from otwarp.reproduce.registry import ITEMS
 from otwarp.reproduce.sheet import SHEET
 from otwarp.reproduce.store import Done, Store, write_json
@@ -57,8 +59,6 @@ all numbers in <code>numbers.json</code> and <code>numbers.csv</code>.</p></foot
 QUICK = """Quick report: fewer trials, a reduced network table. Each item says how much was computed; without
 <code>--quick</code> the same items run in full."""
 FULL = "Full report."
-LOAD = re.compile(r", load [\d.]+ at the start$")
-"""What the line of one machine ends with, and is another for each item."""
 
 
 def write_report(store: Store, done: Sequence[Done], missing: Mapping[str, str]) -> Path:
@@ -75,9 +75,18 @@ def write_report(store: Store, done: Sequence[Done], missing: Mapping[str, str])
     page = store.folder / "report.html"
     with written(page) as part:
         part.write_text(html_page(store, done, missing), encoding="utf-8")
-    about = {"otwarp": __version__, "quick": store.quick, "seed": store.seed, "seconds": by_machine(done)}
-    items = {one.name: {"title": one.title, "device": one.device, "machine": one.machine, "seconds": one.seconds,
-                        **one.result.said()} for one in done}  # fmt: skip
+    about = {"otwarp": __version__, "quick": store.quick, "seed": store.seed, "seconds": by_machine(all_parts(done))}
+    items = {
+        one.name: {
+            "title": one.title,
+            "device": one.device,
+            "machine": where(one.parts),
+            "seconds": one.seconds,
+            "parts": [asdict(part) for part in one.parts],
+            **one.result.said(),
+        }
+        for one in done
+    }
     write_json(store.folder / "numbers.json", {**about, "items": items, "missing": dict(missing)})
     with written(store.folder / "numbers.csv") as part:
         part.write_text(csv_text(done), encoding="utf-8")
@@ -136,7 +145,8 @@ def section(one: Done) -> str:
         f"<figcaption>{text(f.caption)}</figcaption></figure>"
         for f in found.figures
     )
-    facts = {**found.computed, "device": one.device, "time": f"{one.seconds:.0f} s", "machine": one.machine}
+    facts = {**found.computed, "device": one.device, "time": how_long(one.parts), "machine": where(one.parts),
+             "code": one.code.said()}  # fmt: skip
     computed = "".join(f"<dt>{text(key)}</dt><dd>{text(value)}</dd>" for key, value in facts.items())
     limits = "".join(f"<li>{text(line)}</li>" for line in found.incomparable)
     files = "".join(f"<li><code>items/{one.name}/{name}</code> {text(what)}</li>" for name, what in found.files.items())
@@ -154,31 +164,56 @@ def section(one: Done) -> str:
 </section>"""
 
 
-def by_machine(done: Sequence[Done]) -> dict[str, float]:
-    """Machine → wall seconds of the items that it computed, the longest first; whatever its load was."""
-    found: dict[str, float] = {}
-    for one in done:
-        machine = LOAD.sub("", one.machine)
-        found[machine] = found.get(machine, 0.0) + one.seconds
-    return dict(sorted(found.items(), key=lambda row: -row[1]))
+def all_parts(done: Sequence[Done]) -> list[Part]:
+    """Of all items."""
+    return [part for one in done for part in one.parts]
 
 
 def took(done: Sequence[Done]) -> str:
-    """How long all items took, in a sentence."""
-    where = by_machine(done)
-    parts = [f"{seconds:.0f} s on {machine}" for machine, seconds in where.items()]
-    whole = f"{sum(where.values()):.0f} s in all: " if len(parts) > 1 else ""
-    return (f"{len(done)} of {len(ITEMS)} items, one after the other, wall time: {whole}{'; '.join(parts)}. An item "
-            "that was interrupted counts from where it went on.")  # fmt: skip
+    """How long all items took, on what, and in how many calls of the command, in words."""
+    machines = by_machine(all_parts(done))
+    told = [f"{seconds:.0f} s on {machine}" for machine, seconds in machines.items()]
+    whole = f"{sum(machines.values()):.0f} s in all: " if len(told) > 1 else ""
+    return (f"{len(done)} of {len(ITEMS)} items, one after the other, wall time: {whole}{'; '.join(told)}. "
+            f"{_calls(done)}")  # fmt: skip
+
+
+def _calls(done: Sequence[Done]) -> str:
+    calls = sorted({part.call for part in all_parts(done)})
+    if len(calls) < 2:
+        return f"Computed in one call of the command, begun {_minute(calls[0])}." if calls else ""
+    cut = [f"{one.title} ({len(one.parts)})" for one in done if len(one.parts) > 1]
+    said = f"Computed in {len(calls)} calls of the command, begun between {_minute(calls[0])} and {_minute(calls[-1])}."
+    if not cut:
+        return f"{said} No item was interrupted."
+    return (f"{said} Interrupted, and gone on with in so many parts: {', '.join(cut)}; their times are those of all "
+            "parts together, what an interruption lost included.")  # fmt: skip
+
+
+def _minute(call: str) -> str:
+    return f"{call[:10]} {call[11:16]} UTC"
+
+
+def whose(done: Sequence[Done]) -> str:
+    """Which code computed the items, in words."""
+    titles: dict[str, list[str]] = {}
+    for one in done:
+        titles.setdefault(one.code.said(), []).append(one.title)
+    if len(titles) < 2:
+        return f"Code: {next(iter(titles), 'none')} (SHA-256 of package and scenes)."
+    parts = [f"{said} computed {', '.join(names)}" for said, names in titles.items()]
+    return f"These items are not of one code: {'; '.join(parts)}."
 
 
 def times(done: Sequence[Done]) -> str:
-    """Wall time of each item, and of all."""
+    """Wall time of each item, and of all, and whose code it was."""
     if not done:
         return ""
     rows = tuple((one.title, f"{one.seconds:.1f}", one.device) for one in done)
     whole = ("together", f"{sum(one.seconds for one in done):.1f}", "")
-    shown = table(Table(title="Wall time", head=("item", "s", "device"), rows=(*rows, whole), note=took(done)))
+    shown = table(
+        Table(title="Wall time", head=("item", "s", "device"), rows=(*rows, whole), note=f"{took(done)} {whose(done)}")
+    )
     return f'<section id="times"><h2>How long it took</h2>{shown}</section>'
 
 

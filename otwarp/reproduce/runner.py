@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from otwarp.errors import InputError
 from otwarp.files import claimed
+from otwarp.reproduce.code import code_here
 from otwarp.reproduce.item import Item, Request, Unavailable, scene_file
+from otwarp.reproduce.parts import PARTS, Part, check_code, read_parts, timed
 from otwarp.reproduce.registry import ITEMS, chosen
 from otwarp.reproduce.report import write_report
 from otwarp.reproduce.store import Done, Store, open_store, read_head
@@ -63,15 +65,17 @@ def reproduce(
     for name in {scene for item in items for scene in item.scenes}:
         scene_file(Path(scenes), name)
     store = open_store(Path(out), quick=quick, seed=seed)
+    part = begun_by(device, Path(scenes))
     missing: dict[str, str] = {}
     with claimed(store.folder, "writes this report; allowed: one at a time"):
         for number, item in enumerate(items, 1):
             if store.has(item.name):
                 say(f"{item.name} is done ({number} of {len(items)})")
+                store.tidy(item.name)  # the last process may have been killed between the two
                 continue
             say(f"{item.name} ({number} of {len(items)})")
             try:
-                _compute(store, item, device, Path(scenes), say)
+                _compute(store, item, part(), device, Path(scenes), say)
             except Unavailable as error:
                 missing[item.name] = str(error)
                 say(f"{item.name} is left out: {error}")
@@ -88,20 +92,39 @@ def pick(device: str | None) -> Any:
     return pick_device(device)
 
 
-def _compute(store: Store, item: Item, device: str | None, scenes: Path, say: Callable[[str], None]) -> None:
+def _compute(
+    store: Store, item: Item, part: Part, device: str | None, scenes: Path, say: Callable[[str], None]
+) -> None:
     """One item, into the store."""
+    work = store.work_folder(item.name)
+    before = read_parts(work / PARTS)
+    check_code(before, part.code, work)
+    with timed(work / PARTS, before, part) as parts, store.making(item, parts) as (folder, found):
+        request = Request(quick=store.quick, device=device, scenes=scenes, seed=store.seed, folder=folder,
+                          work=work, say=lambda line: say(f"{item.name}: {line}"))  # fmt: skip
+        found.append(item.run(request))
+    store.tidy(item.name)
+
+
+def begun_by(device: str | None, scenes: Path) -> Callable[[], Part]:
+    """What makes the parts of this call, nothing computed yet.
+
+    Args:
+        device: cpu, cuda:0, …; None for the best there is.
+        scenes: Folder of the shipped scenes.
+    """
     from otwarp.bench.machine import Machine
 
-    begun = time.perf_counter()
+    there = pick(device)
+    names = {name for item in ITEMS.values() for name in item.scenes}
+    code = code_here(file for name in names if (file := scenes / f"{name}.usda").is_file())
+    call = datetime.now(UTC).isoformat(timespec="milliseconds")
 
-    def facts() -> dict[str, Any]:
-        machine = Machine.look(pick(device))
-        return {"device": str(pick(device)), "machine": machine.text(), "seconds": time.perf_counter() - begun}
+    def part() -> Part:
+        """With the load of now."""
+        return Part(call=call, code=code, device=str(there), machine=Machine.look(there).text(), seconds=0.0)
 
-    with store.making(item, facts) as (folder, found):
-        request = Request(quick=store.quick, device=device, scenes=scenes, seed=store.seed, folder=folder,
-                          work=store.work_folder(item.name), say=lambda line: say(f"{item.name}: {line}"))  # fmt: skip
-        found.append(item.run(request))
+    return part
 
 
 def _write(store: Store, missing: dict[str, str]) -> tuple[Path, tuple[Done, ...]]:

@@ -3,7 +3,7 @@
 out/paper/
     reproduce.json          format, version, quick or full, seed
     items/NAME/             item.json, figures (PNG), series (CSV)
-    work/NAME/              what an item that is not done goes on from
+    work/NAME/              what an item that is not done goes on from, and its parts so far
     report.html             all of it in one file
     numbers.json, numbers.csv
 """
@@ -12,18 +12,20 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from otwarp import __version__
 from otwarp.errors import InputError
 from otwarp.files import check_place, made_apart, written
+from otwarp.reproduce.code import Code
 from otwarp.reproduce.item import Item, Result
+from otwarp.reproduce.parts import Part
 
-FORMAT = 1
+FORMAT = 2
 """Of all files; another one is not read."""
 
 HEAD = "reproduce.json"
@@ -38,9 +40,7 @@ class Done:
         name, title, about: As of `Item`.
         result: What it found.
         folder: Where its files are.
-        device: On which it was computed.
-        machine: Processor, system and versions, in a line.
-        seconds: How long it took.
+        parts: In which it was computed.
     """
 
     name: str
@@ -48,9 +48,22 @@ class Done:
     about: str
     result: Result
     folder: Path
-    device: str
-    machine: str
-    seconds: float
+    parts: tuple[Part, ...]
+
+    @property
+    def device(self) -> str:
+        """On which it was computed; several where it went on on another."""
+        return ", ".join(dict.fromkeys(part.device for part in self.parts))
+
+    @property
+    def seconds(self) -> float:
+        """Wall time, of all parts together."""
+        return sum(part.seconds for part in self.parts)
+
+    @property
+    def code(self) -> Code:
+        """That which computed it."""
+        return self.parts[-1].code
 
 
 @dataclass(frozen=True)
@@ -81,22 +94,25 @@ class Store:
         """Whether an item is done."""
         return (self.item_folder(name) / ITEM).is_file()
 
+    def tidy(self, name: str) -> None:
+        """Remove what an item that is done went on from."""
+        shutil.rmtree(self.folder / "work" / name, ignore_errors=True)
+
     @contextmanager
-    def making(self, item: Item, facts: Callable[[], dict[str, Any]]) -> Iterator[tuple[Path, list[Result]]]:
+    def making(self, item: Item, parts: Callable[[], Sequence[Part]]) -> Iterator[tuple[Path, list[Result]]]:
         """A folder for an item's files, which takes its name when a result was put into the list; else it goes.
 
         Args:
             item: Which.
-            facts: Called at the end: `device`, `machine`, `seconds` of `Done`.
+            parts: Called at the end: those of `Done`.
         """
         (self.folder / "items").mkdir(exist_ok=True)
         found: list[Result] = []
         with made_apart(self.item_folder(item.name), ITEM) as apart:
             yield apart, found
-            said = {"format": FORMAT, "name": item.name, "title": item.title, "about": item.about, **facts(),
-                    "result": found[0].said()}  # fmt: skip
+            said = {"format": FORMAT, "name": item.name, "title": item.title, "about": item.about,
+                    "parts": [asdict(part) for part in parts()], "result": found[0].said()}  # fmt: skip
             write_json(apart / ITEM, said)
-        shutil.rmtree(self.folder / "work" / item.name, ignore_errors=True)
 
     def read(self, name: str) -> Done:
         """An item that is done.
@@ -110,7 +126,11 @@ class Store:
             said = json.loads(file.read_text(encoding="utf-8"))
             if said.pop("format") != FORMAT:
                 raise ValueError("another format")
-            return Done(**{**said, "result": Result.read(said["result"]), "folder": folder})
+            parts, result = tuple(map(Part.read, said["parts"])), Result.read(said["result"])
+            lost = [one.file for one in result.figures if not (folder / one.file).is_file()]
+            if lost or not parts:
+                raise ValueError(f"{lost[0]} is lost" if lost else "no part")
+            return Done(**{**said, "parts": parts, "result": result, "folder": folder})
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise InputError(f"{file}: contents cannot be read ({' '.join(str(error).split())}); allowed: what this "
                              f"version wrote; without {folder} it is computed again") from None  # fmt: skip

@@ -12,10 +12,14 @@ import pytest
 
 from otwarp.cli.main import main
 from otwarp.errors import InputError
+from otwarp.reproduce.code import Code
+from otwarp.reproduce.document import markdown
 from otwarp.reproduce.item import Result, Value, shown
+from otwarp.reproduce.parts import Part, how_long
 from otwarp.reproduce.registry import ITEMS, chosen
-from otwarp.reproduce.report import by_machine, plain, took
+from otwarp.reproduce.report import plain, took
 from otwarp.reproduce.runner import done_in, reproduce
+from otwarp.reproduce.store import Done
 
 CHEAP = ("setup", "contract")
 
@@ -62,16 +66,46 @@ def test_numbers_are_there_for_programs(report: Path):
     assert next(r for r in rows if r["what"] == "pixel")["ours_text"] == "0.065"
 
 
+def of(one: Done, *rows: tuple[str, str, float], code: Code | None = None) -> Done:
+    """An item as if computed in other parts: (call, machine, seconds) each."""
+    code = code or one.code
+    return replace(one, parts=tuple(Part(call=call, code=code, device="cpu", machine=machine, seconds=seconds)
+                                    for call, machine, seconds in rows))  # fmt: skip
+
+
+FIRST, LATER = "2026-01-02T03:04:05.678+00:00", "2026-01-02T03:15:00.000+00:00"
+
+
 def test_times_are_told_by_machine(report: Path):
     """A machine's load differs from item to item, and does not make another of it."""
     page = (report / "report.html").read_text(encoding="utf-8")
     assert '<section id="times">' in page and f"{len(CHEAP)} of {len(ITEMS)} items" in page
     one, other = done_in(report)[1]
-    here = [replace(one, machine="card, load 0.2 at the start", seconds=5.0),
-            replace(other, machine="card, load 3 at the start", seconds=7.0)]  # fmt: skip
-    assert by_machine(here) == {"card": 12.0} and "wall time: 12 s on card." in took(here)
-    here.append(replace(one, machine="core, load 1.5 at the start", seconds=30.0))
+    here = [of(one, (FIRST, "card, load 0.2 at the start", 5.0)), of(other, (FIRST, "card, load 3 at the start", 7.0))]
+    assert "wall time: 12 s on card. Computed in one call of the command, begun 2026-01-02 03:04 UTC." in took(here)
+    here.append(of(one, (LATER, "core, load 1.5 at the start", 30.0)))
     assert "wall time: 42 s in all: 30 s on core; 12 s on card." in took(here)
+    assert "in 2 calls of the command, begun between 2026-01-02 03:04 UTC and 2026-01-02 03:15 UTC. No" in took(here)
+
+
+def test_an_item_in_parts_says_so_with_the_time_of_all_of_them(report: Path):
+    one, other = done_in(report)[1]
+    cut = of(one, (FIRST, "card, load 0.2 at the start", 590.0), (LATER, "core, load 1 at the start", 32.0))
+    assert cut.seconds == 622.0 and how_long(cut.parts) == "622 s in 2 parts (590, 32 s)"
+    assert "622 s in all: 590 s on card; 32 s on core." in took([cut])
+    assert f"so many parts: {one.title} (2); their times" in took([cut, other])
+    store = done_in(report)[0]
+    assert "*Computed in 622 s in 2 parts (590, 32 s) on card; core." in markdown(store, [cut])
+
+
+def test_items_of_different_code_are_told_apart(report: Path):
+    one, other = done_in(report)[1]
+    a, b = (Code(commit=name, digest=name) for name in ("aaaaaaaa", "bbbbbbbb"))
+    row = (FIRST, "card", 1.0)
+    store = done_in(report)[0]
+    assert "Code: commit aaaaaaaa, files aaaaaaaa" in markdown(store, [of(one, row, code=a), of(other, row, code=a)])
+    page = markdown(store, [of(one, row, code=a), of(other, row, code=b)])
+    assert f"not of one code: commit aaaaaaaa, files aaaaaaaa computed {one.title}; commit bbbbbbbb" in page
 
 
 def test_items_that_are_done_are_kept(report: Path, capsys: pytest.CaptureFixture[str]):
