@@ -9,16 +9,18 @@ from typing import TYPE_CHECKING
 import click
 
 from otwarp.cli import stop
-from otwarp.cli.options import device_option, json_option, out_option, seed_option
+from otwarp.cli.options import device_option, json_option, seed_option
 from otwarp.cli.types import FILE, OutputPath
 from otwarp.errors import InputError
+from otwarp.files import check_place
 
 if TYPE_CHECKING:
     from otwarp.reproduce.runner import Report
 
 
 @click.command()
-@out_option("DIR", "Folder of the report, new or one to go on with: report.html, figures, numbers.")
+@click.option("-o", "--out", type=OutputPath(folder=True, check=False), metavar="DIR",
+              help="Folder of the report, new or one to go on with: report.html, figures, numbers.")  # fmt: skip
 @click.option("--quick", is_flag=True, help="Minutes on two cores: fewer trials, a reduced network table.")
 @click.option("--only", multiple=True, metavar="NAME",
               help="This item of --list, by name, not by the paper's number; several times for several.")  # fmt: skip
@@ -53,6 +55,7 @@ def reproduce(
     if docs is not None:
         _write_docs(out, docs)
         return
+    check_place(out, "--out", folder=True)  # not for --docs, which reads it
     from otwarp.reproduce.registry import chosen
     from otwarp.reproduce.runner import reproduce as reproduced
 

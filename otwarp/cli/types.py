@@ -123,12 +123,13 @@ class OutputPath(click.ParamType):
     Args:
         folder: Whether it is a folder, which is made with those above it.
         endings: What its name may end with, as `.usda`; any without.
+        check: Whether it is refused here; else the command does that, which does not always write.
     """
 
     name = "path"
 
-    def __init__(self, *, folder: bool = False, endings: tuple[str, ...] = ()) -> None:
-        self.folder, self.endings = folder, endings
+    def __init__(self, *, folder: bool = False, endings: tuple[str, ...] = (), check: bool = True) -> None:
+        self.folder, self.endings, self.check = folder, endings, check
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
         """Read a path.
@@ -140,7 +141,8 @@ class OutputPath(click.ParamType):
         if self.endings and path.suffix not in self.endings:
             said = f"{name_of(param)} is {path}: suffix = {path.suffix or '(none)'}"
             raise InputError(f"{said}; allowed: {', '.join(self.endings)}")
-        check_place(path, name_of(param), folder=self.folder)
+        if self.check:
+            check_place(path, name_of(param), folder=self.folder)
         return path
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:

@@ -183,7 +183,8 @@ def _calls(done: Sequence[Done]) -> str:
     if len(calls) < 2:
         return f"Computed in one call of the command, begun {_minute(calls[0])}." if calls else ""
     cut = [f"{one.title} ({len(one.parts)})" for one in done if len(one.parts) > 1]
-    said = f"Computed in {len(calls)} calls of the command, begun between {_minute(calls[0])} and {_minute(calls[-1])}."
+    said = f"Computed in {len(calls)} calls of the command, the first begun {_minute(calls[0])}, the last "
+    said += f"{_minute(calls[-1])}."
     if not cut:
         return f"{said} No item was interrupted."
     return (f"{said} Interrupted, and gone on with in so many parts: {', '.join(cut)}; their times are those of all "

@@ -85,7 +85,9 @@ def test_times_are_told_by_machine(report: Path):
     assert "wall time: 12 s on card. Computed in one call of the command, begun 2026-01-02 03:04 UTC." in took(here)
     here.append(of(one, (LATER, "core, load 1.5 at the start", 30.0)))
     assert "wall time: 42 s in all: 30 s on core; 12 s on card." in took(here)
-    assert "in 2 calls of the command, begun between 2026-01-02 03:04 UTC and 2026-01-02 03:15 UTC. No" in took(here)
+    assert "in 2 calls of the command, the first begun 2026-01-02 03:04 UTC, the last 2026-01-02 03:15 UTC. No" in took(
+        here
+    )
 
 
 def test_an_item_in_parts_says_so_with_the_time_of_all_of_them(report: Path):
@@ -150,6 +152,18 @@ def test_the_page_of_the_documents(report: Path, tmp_path: Path, capsys: pytest.
     assert "## The setup" in text and "| pixel [µm] | 0.065 | S | 0.065 |" in text
     assert not list((tmp_path / "images").iterdir())
     assert "wrote" in capsys.readouterr().out
+
+
+def test_the_page_of_a_report_that_cannot_be_written(report: Path, tmp_path: Path, monkeypatch):
+    """A report that was brought from elsewhere may be read-only: a page is written of it, nothing in it."""
+    (tmp_path / "images").mkdir()
+    asked: list[Path] = []
+    for place in ("otwarp.cli.types", "otwarp.cli.reproduce", "otwarp.reproduce.document", "otwarp.reproduce.store"):
+        monkeypatch.setattr(f"{place}.check_place", lambda path, *_, **__: asked.append(path))
+    before = {p: p.stat().st_mtime_ns for p in report.rglob("*")}
+    assert main(["reproduce", "--out", str(report), "--docs", str(tmp_path / "paper.md")]) == 0
+    assert asked and not any(path.is_relative_to(report) for path in asked)
+    assert before == {p: p.stat().st_mtime_ns for p in report.rglob("*")}
 
 
 def one_line(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
