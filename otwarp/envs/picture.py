@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
 
 from otwarp.envs.batch import Batch
-from otwarp.errors import InputError
+from otwarp.errors import InputError, PlausibilityWarning
 from otwarp.preview.annotate import annotate
 from otwarp.preview.render import render
 from otwarp.preview.studio import PictureStyle
 from otwarp.scene.drawing.draw_list import SPHERE, Drawables
 from otwarp.scene.drawing.parts import Drawn, read_drawn
+from otwarp.scene.drawing.unlike import unlike_file
 from otwarp.scene.transforms import rotation_matrix
 
 GOAL_COLOUR, GOAL_RADIUS = (0.10, 0.85, 0.30), 1.0
@@ -37,6 +39,8 @@ class Picture:
         if scene.file is None or not scene.file.is_file():
             raise InputError(f"scene of {batch.task.name} has no file, which says what it looks like; "
                              "allowed: a task whose scene is one")  # fmt: skip
+        if other := unlike_file(scene):
+            warnings.warn(f"pictures of {batch.task.name} have {other}", PlausibilityWarning, stacklevel=2)
         self.batch = batch
         self.look = PictureStyle(width=size[0], height=size[1], samples=2, occlusion_rays=0)
         traps = [trap.prim for trap in scene.traps]

@@ -101,6 +101,7 @@ class Recorder:
         check_folder(self.folder, scene.file)
         self._usd = None
         if usd_world is not None:
+            from otwarp.scene.drawing.unlike import unlike_file
             from otwarp.scene.recording.usd import ARROW_SCALE, UsdRecording
 
             scale = ARROW_SCALE if arrow_scale is None else arrow_scale
@@ -113,9 +114,8 @@ class Recorder:
                 forces=forces,
                 arrow_scale=scale,
             )
-            if unlike := self._usd.unlike:
-                self.warn(f"run.usda shows {', '.join(unlike[:3])}{', …' if len(unlike) > 3 else ''} as {scene.file} "
-                          "has them: they were changed in Python, where no file says what to show")  # fmt: skip
+            if other := unlike_file(scene):
+                self.warn(f"run.usda has {other}")
 
     def __enter__(self) -> Recorder:
         return self

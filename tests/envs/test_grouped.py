@@ -19,7 +19,7 @@ from otwarp.envs.grouped import group_of
 from otwarp.envs.kernels.starts import NEXT_EPISODE
 from otwarp.envs.randomise.groups import merged
 from otwarp.envs.rollout import policy_of, run_policy
-from otwarp.errors import InputError
+from otwarp.errors import InputError, PlausibilityWarning
 from otwarp.scene import Scene, SceneBuilder, Track, Trap, TrapLaw
 from tests.envs.bead_task import BEAD, HEIGHT, PILLARS
 from tests.envs.bead_task import scene as bead_scene
@@ -263,6 +263,8 @@ def test_pictures_show_the_values_of_their_scene(file, tmp_path):
         shown.append(env.render())
     assert np.array_equal(shown[1], shown[0]) and np.array_equal(shown[2], shown[0])
     assert np.any(shown[3] != shown[0])
+    with pytest.warns(PlausibilityWarning, match=f"have {BEAD} shown as in"):
+        Env(task_in(file, scene=_with_radius(Scene.load(file), 2.0)), render_mode="rgb_array")
 
 
 def test_wrapped_ones_are_checked_beside_a_list_of_single_ones(file, device):

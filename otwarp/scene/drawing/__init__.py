@@ -2,5 +2,5 @@
 
 stage ──► walk (what is visible) ──► shapes, looks, view ──► drawables (one picture), parts (by owning prim)
 
-`files` finds the stage of a scene or of a recorded run.
+`files` finds the stage of a scene or of a recorded run; `unlike` says what a file does not show as a scene has it.
 """

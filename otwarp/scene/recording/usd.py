@@ -20,7 +20,6 @@ than that (every 10 ms or so here), what is not yet flushed is never older than 
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import re
 import shutil
@@ -28,7 +27,7 @@ import time as clock
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pxr import Gf, Sdf, Tf, Vt
 
@@ -72,10 +71,6 @@ class UsdRecording:
         forces: Whether force arrows are written.
         arrow_scale: Length of a force arrow [µm/pN].
 
-    Attributes:
-        unlike: Paths of bodies and obstacles that are shown as in the file, though they were changed in Python by other
-            means than `overrides`.
-
     Raises:
         InputError: The scene has no file, or the file no longer opens.
         OSError: From its methods: the disk is full, or the folder has gone.
@@ -97,9 +92,7 @@ class UsdRecording:
                 "scene.file = None: a USD recording sublayers the scene; allowed: a scene loaded from a file"
             )
         self._file, self._rate, self._world = scene.file.resolve(), frames_per_second, world
-        stages = Variations(scene.file)
-        self.unlike = _unlike(scene, stages.scene(scene.overrides))
-        stage = stages.varied(scene.overrides)
+        stage = Variations(scene.file).varied(scene.overrides)
         self._source = source = Source(stage, str(scene.file))
         sources: list[SampleSource] = [BodyPoses(source, scene), Traps(source, scene), Instances(source, scene)]
         if forces:
@@ -264,24 +257,6 @@ class UsdRecording:
         if self._end is not None:
             os.close(self._end[0])
         self._end = (os.open(path, os.O_WRONLY), found.start(1))
-
-
-def _unlike(scene: Scene, shown: Scene) -> list[str]:
-    """Paths of bodies and obstacles that are not shown as they are: shapes of both, and places of obstacles."""
-    there = _looks(shown)
-    return sorted({key[0] for key, look in _looks(scene).items() if key in there and look != there[key]})
-
-
-def _looks(scene: Scene) -> dict[tuple[str, int | None], Any]:
-    """What is seen of bodies and obstacles but for where bodies are, by path and instance."""
-    solids = {
-        (body.prim, body.instance): (
-            [(s.prim, *s.offset, s.radius) for s in body.spheres],
-            [(r.prim, *r.start, *r.end, r.radius) for r in body.rods],
-        )
-        for body in scene.bodies
-    }
-    return solids | {(o.prim, None): dataclasses.replace(o, hydrodynamic=False) for o in scene.obstacles}
 
 
 def _padded(code: float) -> bytes:
