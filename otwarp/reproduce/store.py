@@ -153,6 +153,8 @@ def open_store(folder: Path, *, quick: bool, seed: int) -> Store:
     head, asked = folder / HEAD, {"quick": quick, "seed": seed}
     if head.exists():
         found = read_head(folder)
+        if found["otwarp"] != __version__:
+            raise _of_another_version(folder, found)
         for name, value in asked.items():
             if found[name] != value:
                 kind = ("a quick" if found["quick"] else "a full") if name == "quick" else f"seed {found['seed']} of a"
@@ -168,22 +170,26 @@ def open_store(folder: Path, *, quick: bool, seed: int) -> Store:
 
 
 def read_head(folder: Path) -> dict[str, Any]:
-    """What was asked of a report.
+    """What was asked of a report, also of one that another version wrote in the same format.
 
     Raises:
-        InputError: There is none, or one of another version.
+        InputError: There is none, or one of another format.
     """
     head = folder / HEAD
     try:
         found = json.loads(head.read_text(encoding="utf-8"))
-        version, kind = found["otwarp"], found["format"]
-        good = isinstance(found["quick"], bool) and isinstance(found["seed"], int)
+        kind = found["format"]
+        good = isinstance(found["quick"], bool) and isinstance(found["seed"], int) and isinstance(found["otwarp"], str)
     except OSError as error:
         raise InputError(f"--out is {folder}, which has no {HEAD} ({error.strerror}); allowed: the folder of a "
                          "report") from None  # fmt: skip
     except (ValueError, KeyError, TypeError):
         raise InputError(f"{head}: contents cannot be read; allowed: what otwarp reproduce wrote") from None
-    if kind != FORMAT or version != __version__ or not good:
-        raise InputError(f"--out is {folder}, which otwarp {version} wrote (format {kind}); allowed: a folder of "
-                         f"otwarp {__version__} (format {FORMAT}), or a new one")  # fmt: skip
+    if kind != FORMAT or not good:
+        raise _of_another_version(folder, found)
     return found
+
+
+def _of_another_version(folder: Path, found: dict[str, Any]) -> InputError:
+    return InputError(f"--out is {folder}, which otwarp {found['otwarp']} wrote (format {found['format']}); allowed: a "
+                      f"folder of otwarp {__version__} (format {FORMAT}), or a new one")  # fmt: skip

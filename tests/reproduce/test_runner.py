@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -146,12 +147,13 @@ def test_the_page_of_the_documents(report: Path, tmp_path: Path, capsys: pytest.
     (tmp_path / "images").mkdir()
     (tmp_path / "images" / "paper_gone.png").write_bytes(b"of an item that is gone")
     page = tmp_path / "paper.md"
+    page.write_text("Two runs are in it, put together by hand.")
     assert main(["reproduce", "--out", str(report), "--docs", str(page)]) == 0
     text = page.read_text(encoding="utf-8")
     assert f"{len(CHEAP)} of {len(ITEMS)} items, one after the other, wall time: " in text
     assert "## The setup" in text and "| pixel [µm] | 0.065 | S | 0.065 |" in text
     assert not list((tmp_path / "images").iterdir())
-    assert "wrote" in capsys.readouterr().out
+    assert "by hand." not in text and "wrote" in capsys.readouterr().out
 
 
 def test_the_page_of_a_report_that_cannot_be_written(report: Path, tmp_path: Path, monkeypatch):
@@ -164,6 +166,19 @@ def test_the_page_of_a_report_that_cannot_be_written(report: Path, tmp_path: Pat
     assert main(["reproduce", "--out", str(report), "--docs", str(tmp_path / "paper.md")]) == 0
     assert asked and not any(path.is_relative_to(report) for path in asked)
     assert before == {p: p.stat().st_mtime_ns for p in report.rglob("*")}
+
+
+def test_the_page_of_a_report_that_another_version_computed(report: Path, tmp_path: Path, capsys):
+    """A GPU machine's copy need not be installed, so that its version is another; only its format matters here."""
+    brought = tmp_path / "brought"
+    shutil.copytree(report, brought)
+    head = json.loads((brought / "reproduce.json").read_text())
+    (brought / "reproduce.json").write_text(json.dumps(head | {"otwarp": "0.0.1"}))
+    (tmp_path / "images").mkdir()
+    assert main(["reproduce", "--out", str(brought), "--docs", str(tmp_path / "paper.md")]) == 0
+    assert "which otwarp 0.0.1 wrote" in one_line(["--out", str(brought), "--quick", "--device", "cpu"], capsys)
+    (brought / "reproduce.json").write_text(json.dumps(head | {"format": 1}))
+    assert "(format 1)" in one_line(["--out", str(brought), "--docs", str(tmp_path / "paper.md")], capsys)
 
 
 def one_line(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
