@@ -134,7 +134,8 @@ def made_apart(folder: Path, whole: str) -> Iterator[Path]:
     except OSError as error:
         if (folder / whole).exists():
             return
-        check_full(error, folder)
+        if error.filename is None or Path(str(error.filename)).is_relative_to(apart):
+            check_full(error, folder)  # else another file was written meanwhile, and the error names it
         if error.filename2 is None:  # while it was made
             raise
         raise InputError(

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.files import check_place, written
+from otwarp.files import check_place, made_apart, written
 
 
 def test_a_file_takes_its_name_when_it_is_whole(tmp_path: Path) -> None:
@@ -55,3 +55,13 @@ def test_a_place_for_an_output_is_tried(tmp_path: Path, monkeypatch: pytest.Monk
         check_place(good, "--out", folder=folder)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "link"]
     assert (tmp_path / "file").read_text() == "in the way"
+
+
+@pytest.mark.parametrize("inside", [True, False])
+def test_a_full_disk_is_told_of_the_folder_or_of_what_else_was_written(tmp_path: Path, inside: bool) -> None:
+    """What is written elsewhere while a folder is made keeps its name in the error."""
+    other = tmp_path / "work" / "checkpoint.pt"
+    with pytest.raises(OSError) as caught, made_apart(tmp_path / "item", "item.json") as apart:
+        raise OSError(28, "No space left on device", str(apart / "figure.png" if inside else other))
+    assert caught.value.filename == str(tmp_path / "item" if inside else other)
+    assert not list(tmp_path.iterdir())
