@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import threading
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -36,6 +37,7 @@ class Variations:
         self.file = file
         self.stage = open_stage(file)
         self.micrometres = UsdGeom.GetStageMetersPerUnit(self.stage) / 1e-6
+        self._reading = threading.Lock()
 
     def __reduce__(self) -> tuple[type[Variations], tuple[Path]]:
         """Another process opens the file anew."""
@@ -57,7 +59,7 @@ class Variations:
         return "µm" if name in _LENGTHS or name.startswith("xformOp:translate") else ""
 
     def scene(self, values: Mapping[str, Any]) -> Scene:
-        """The scene with other values of some attributes, in the units of `unit`.
+        """The scene with other values of some attributes, in the units of `unit`; threads have the stage in turn.
 
         Args:
             values: Path, such as `/World/bead/sphere.radius`, → number, word or three numbers.
@@ -65,8 +67,9 @@ class Variations:
         Raises:
             InputError: A value that the attribute cannot have, or a scene that cannot be accepted.
         """
-        fields = read_stage(self.varied(values), file=str(self.file))
-        self.stage.GetSessionLayer().Clear()
+        with self._reading:  # devices of a study ask side by side, and there is one layer for all
+            fields = read_stage(self.varied(values), file=str(self.file))
+            self.stage.GetSessionLayer().Clear()
         return Scene(**fields, file=self.file, overrides=dict(values))
 
     def varied(self, values: Mapping[str, Any]) -> Usd.Stage:
