@@ -11,7 +11,6 @@ import warp as wp
 from otwarp.errors import InputError
 from otwarp.kernels.core.precision import kernel_module
 from otwarp.kernels.drivers import predicates
-from otwarp.simulation.drivers.compilation import load_kernels
 from otwarp.simulation.drivers.launches import RecordedLaunch
 from otwarp.simulation.ends import End
 from otwarp.simulation.model import Model
@@ -104,10 +103,11 @@ class Episodes(Bound):
         """(W) seconds since each world was started or reset, on the host."""
         return self.step.numpy() * self.model.time_step
 
-    def load(self) -> None:
-        """Compile and load the kernels, so that none is while a graph is captured."""
+    @property
+    def kernels(self) -> tuple[wp.Kernel, ...]:
+        """What is launched of episodes."""
         flags = kernel_module("drivers.episodes", self.model.features.precision).flag_worlds
-        load_kernels((flags, *(launch.kernel for launch in self.launches.values())), self.model.device)
+        return flags, *(launch.kernel for launch in self.launches.values())
 
     def list(self) -> int:
         """List the worlds in motion anew; no more than so many are.

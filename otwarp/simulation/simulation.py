@@ -131,7 +131,7 @@ class Simulation:
         self._measured_at: tuple[int, int] | None = None
         self._measures = readout  # whether the kernels that measure are loaded: many simulations never need them
         self._step = kernel_module("step", precision).make_step(self.model.features)
-        beside = self._step.measuring if readout else ()
+        beside = (*(self._step.measuring if readout else ()), *(self._episodes.kernels if self._episodes else ()))
         parts = StepperParts(self._step, self.model, self.state, self.control, self.last_readout, threads, beside)
         f = self.model.features
         few, many = PhasedStepper if f.phased else FusedStepper, BlockStepper if f.by_world else GridStepper
@@ -232,8 +232,7 @@ class Simulation:
         episodes, steps = self.episodes, whole("steps", steps, 1)
         if episodes.ends and not settle:
             raise InputError("settle is False; allowed: with ends=(), else True")
-        episodes.load()
-        load_kernels(self._step.kernels, self.model.device)
+        load_kernels((*episodes.kernels, *self._step.kernels), self.model.device)
 
         def turn() -> None:
             """What is captured: one call of the loop."""

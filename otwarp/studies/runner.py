@@ -13,6 +13,7 @@ import warp as wp
 from otwarp.device import empty, reading
 from otwarp.kernels.core.precision import kernel_module
 from otwarp.scene import Scene
+from otwarp.simulation.drivers.compilation import load_kernels
 from otwarp.simulation.ends import End, escaped
 from otwarp.simulation.model import Model
 from otwarp.simulation.options import StepOptions
@@ -283,6 +284,7 @@ class _Observer:
         module = kernel_module("drivers.observations", sim.model.features.precision)
         functions = tuple(o.function for o in observables if o.function is not None)
         self.kernel = module.observe_kernel(functions, tuple(o.keep for o in observables))
+        load_kernels([self.kernel], device)
 
     def look(self, steps: int) -> None:
         """Read the worlds that have just taken `steps` steps."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import threading
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
@@ -16,6 +17,9 @@ LOG = logging.getLogger("otwarp")
 """Where it is logged, at level INFO; `otwarp run` prints it."""
 
 _BINARIES = {".o", ".ptx", ".cubin"}
+
+_IN_TURN = threading.Lock()
+"""Warp loads a module anew for each thread that does not find it, and drops what the one before may already run."""
 
 RESIDENT = {75: 1024, 86: 1536, 87: 1536, 88: 1536, 89: 1536, 110: 1536, 120: 1536, 121: 1536}
 """Most threads that a multiprocessor holds, by compute capability; 2,048 elsewhere (CUDA C++ Programming Guide,
@@ -31,8 +35,14 @@ def load_kernels(kernels: Iterable[Any], device: wp.Device) -> None:
     """Compile these kernels, as many modules at a time as there are cores, and load them.
 
     Logs how many modules are not in Warp's cache, and each one that is there at last; nothing where all are. The
-    variant is the one that launches use: one thread per block on a CPU.
+    variant is the one that launches use: one thread per block on a CPU. Threads that step simulations side by side come
+    here before they launch: then a module is loaded once.
     """
+    with _IN_TURN:
+        _load(kernels, device)
+
+
+def _load(kernels: Iterable[Any], device: wp.Device) -> None:
     modules = list(dict.fromkeys(kernel.module for kernel in kernels))
     logged = LOG.isEnabledFor(logging.INFO)
     missing = {module for module in modules if logged and not is_compiled(module, device)}

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import pytest
 import warp as wp
 
+import otwarp as ot
 from otwarp.scene import Scene
 from otwarp.simulation.drivers import stepping
 from otwarp.simulation.drivers.compilation import is_compiled, load_kernels
@@ -62,3 +65,28 @@ def test_the_kernels_of_a_readout_that_will_be_used_load_beside_the_step(
     sim = Simulation(Scene.load(SCENES / "single_bead.usda"), device=device, readout=asked)
     assert loads == [3 if asked else 1]
     assert sim.readout.trap_force.numpy().shape == (1, 1, 3)
+
+
+def test_a_module_that_threads_ask_for_at_once_is_loaded_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else one of them runs machine code that the other's loading drops: it crashed in one of thirty starts."""
+    place, (kernel, _) = wp.get_device("cpu"), tiny_kernels()
+    load, inside = wp.Module.load, []
+
+    def slow(module: wp.Module, *how: Any) -> Any:
+        """Load it, or say that it is there, while another thread comes."""
+        inside.append(module)
+        alone = len(inside) == 1
+        time.sleep(0.05)
+        inside.remove(module)
+        assert alone
+        return load(module, *how)
+
+    monkeypatch.setattr(wp.Module, "load", slow)
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(lambda _: load_kernels([kernel], place), range(2)))
+
+
+def test_kernels_of_episodes_load_beside_the_step() -> None:
+    """None is loaded by a launch, which threads may make at once."""
+    sim = Simulation(Scene.load(SCENES / "single_bead.usda"), device="cpu", ends=[ot.timed_out(after=0.125)])
+    assert all(launch.kernel.module.execs for launch in sim.episodes.launches.values())
