@@ -74,6 +74,11 @@ def felt(draw) -> tuple[Law, ...]:
     return (one, two, *draw(st.permutations(TABLES))[:2])
 
 
+def alike(one: Vec3, other: Vec3) -> bool:
+    """Whether two forces are the same; no number where a law has none, as 1/r² has at r = 0."""
+    return all(a == b or (math.isnan(a) and math.isnan(b)) for a, b in zip(one, other, strict=True))
+
+
 @settings(max_examples=60, deadline=None)
 @given(felt(), st.integers(0, 2**32), st.booleans(), st.sampled_from((1.0, 0.2)))
 def test_forces_and_states_are_those_of_python_bit_for_bit(code, laws, seed, prediction, smoothing):
@@ -93,10 +98,10 @@ def test_forces_and_states_are_those_of_python_bit_for_bit(code, laws, seed, pre
         scene = SceneFrame(beat, 8e-3 * beat, tuple(SphereFrame(place(1.0), b) for b in bodies), traps)
         hold = {0: place(0.2), 3: place(0.2)}
         assert plain.refresh(scene, hold) and compiled.refresh(scene, hold)
-        assert compiled.state() == plain.state()
+        assert json.dumps(compiled.state()) == json.dumps(plain.state())
         for _ in range(3):
             carried = place(0.3)
-            assert compiled.force(*carried) == plain.force(*carried)
+            assert alike(compiled.force(*carried), plain.force(*carried))
         if beat == 4:  # fresh ones go on from a snapshot of either, as replays do
             state = json.loads(json.dumps(compiled.state()))
             plain, compiled = LocalModel(of_traps, kinds, **how), CompiledModel(of_traps, kinds, code=code, **how)
