@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
@@ -97,7 +98,17 @@ class AnyStudy(Protocol):
         ...
 
     def start(
-        self, numbers: Sequence[int], *, device: str, threads: int | None = None, worlds: int | None = None
+        self,
+        numbers: Sequence[int],
+        *,
+        device: str,
+        threads: int | None = None,
+        worlds: int | None = None,
+        unwanted: threading.Event | None = None,
     ) -> Read:
-        """Give a device these blocks; what waits for them, and reads them as `compute` does."""
+        """Give a device these blocks; what waits for them, and reads them as `compute` does.
+
+        Raises:
+            CancelledError: `unwanted` was set meanwhile.
+        """
         ...

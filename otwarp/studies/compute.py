@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -21,7 +22,13 @@ BESIDE = 4_096
 
 
 def start_blocks(
-    study: AnyStudy, numbers: Sequence[int], *, device: str, threads: int | None, worlds: int | None
+    study: AnyStudy,
+    numbers: Sequence[int],
+    *,
+    device: str,
+    threads: int | None,
+    worlds: int | None,
+    unwanted: threading.Event | None,
 ) -> Read:
     """Give a device the trials of blocks; see `Study.start`."""
     all_points = np.arange(study.design.points).reshape(study.design.shape)
@@ -29,7 +36,7 @@ def start_blocks(
     own = [all_points[where[n]] for n in numbers]
     points = np.concatenate([p.ravel() for p in own])
     at_once = worlds or worlds_at_once(study, device)
-    trials = _Trials(study, points, _Place(device, threads, at_once, ahead=at_once >= LARGEST))
+    trials = _Trials(study, points, _Place(device, threads, at_once, at_once >= LARGEST, unwanted))
     if study.round is not None:
         before, after = (part[points] for part in study.round)
         trials.take(before, after)
@@ -56,12 +63,14 @@ def start_blocks(
 
 @dataclass(frozen=True)
 class _Place:
-    """Where trials run: a device, its threads on a CPU, how many at once, whether others may start beside them."""
+    """Where trials run: a device, its threads on a CPU, how many at once, whether others may start beside them, and
+    what is set when they are not wanted any more."""
 
     device: str
     threads: int | None
     worlds: int
     ahead: bool
+    unwanted: threading.Event | None
 
 
 class _Trials:
@@ -185,7 +194,7 @@ def _start_alike(study: AnyStudy, scene: Scene, runs: _Runs, steps: int, place: 
         {t: v for t, v in design.at(some).items() if not t.grouped} for some in (points, spread(study, int(points[0])))
     )
     how = {"which": which, "beside": beside, "device": place.device, "threads": place.threads}
-    return study.runner.in_steps(steps).start(scene, at, trials, **how)
+    return study.runner.in_steps(steps).start(scene, at, trials, unwanted=place.unwanted, **how)
 
 
 def spread(study: AnyStudy, point: int) -> np.ndarray:

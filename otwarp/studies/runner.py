@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import threading
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError
 from dataclasses import dataclass
 from typing import Any
 
@@ -141,19 +143,30 @@ class Runner:
         return self.start(scene, values, trials, which=which, beside=beside, device=device, threads=threads)()
 
     def start(
-        self, scene: Scene, values: dict[Target, np.ndarray], trials: np.ndarray, **how: Any
+        self,
+        scene: Scene,
+        values: dict[Target, np.ndarray],
+        trials: np.ndarray,
+        *,
+        unwanted: threading.Event | None = None,
+        **how: Any,
     ) -> Callable[[], Outcomes]:
         """Give a device all steps of trials; arguments as of `run`.
 
         Returns:
             What waits for the steps and reads what became of the trials. A GPU goes on meanwhile: it may be given the
             next ones before.
+
+        Raises:
+            CancelledError: `unwanted` was set meanwhile.
         """
+        check_wanted(unwanted)
         sim = self.simulation(scene, values, trials, **how)
         observer = _Observer(sim, self.numbers) if self.numbers else None
         taken = 0
         for n, count in enumerate(self.segments(), start=1):
             taken += count
+            check_wanted(unwanted)
             sim.step(count, look=n % UNSEEN == 0 and taken < (1.0 - LAST) * self.steps)
             if observer is not None:
                 observer.look(count)
@@ -263,6 +276,16 @@ class Runner:
                 mean = base_of(origin, target)
             out[target] = mean + width_of(mean, target, scatter) * normal_of(self.seed, n, trials)
         return out
+
+
+def check_wanted(unwanted: threading.Event | None) -> None:
+    """Raise if what a thread computes is not wanted any more.
+
+    Raises:
+        CancelledError: It is not.
+    """
+    if unwanted is not None and unwanted.is_set():
+        raise CancelledError
 
 
 def _loses(end: End) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -239,14 +240,24 @@ class Study:
         return self.start(numbers, device=device, threads=threads, worlds=worlds)()
 
     def start(
-        self, numbers: Sequence[int], *, device: str, threads: int | None = None, worlds: int | None = None
+        self,
+        numbers: Sequence[int],
+        *,
+        device: str,
+        threads: int | None = None,
+        worlds: int | None = None,
+        unwanted: threading.Event | None = None,
     ) -> Read:
         """Give a device all of blocks, arguments as of `compute`, which waits for what this returns.
 
         A GPU that has room for as many trials again is still at the last of them then: it may be given other blocks
         before these are read, by another thread as well.
+
+        Raises:
+            CancelledError: `unwanted` was set meanwhile: it is looked at before steps are given.
         """
-        return start_blocks(self, numbers, device=device, threads=threads, worlds=worlds)
+        how = {"device": device, "threads": threads, "worlds": worlds, "unwanted": unwanted}
+        return start_blocks(self, numbers, **how)
 
     def run(self, folder: str | Path, **how: Any) -> Any:
         """Compute what is missing of the study in a folder, and give all of it as an `xarray.Dataset`.

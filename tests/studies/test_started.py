@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+from concurrent.futures import CancelledError
 from pathlib import Path
 
 import numpy as np
@@ -100,3 +102,31 @@ def test_a_device_may_be_given_more_before_arrays_are_read(device):
 @wp.kernel(enable_backward=False)
 def add_one(values: wp.array(dtype=wp.float32)):
     values[wp.tid()] += 1.0
+
+
+def test_what_ends_a_run_ends_its_threads(folder, tmp_path, monkeypatch):
+    """An interrupt that comes in `progress`, as of the command: no thread goes on behind, and none is waited for."""
+    study = load_study(folder / "s.toml").in_blocks((2, 4))
+    start, freed = type(study).start, []
+
+    def endless(self, numbers, *, unwanted, **how):
+        if 0 not in numbers:
+            freed.append(unwanted.wait(60.0))
+        return start(self, numbers, unwanted=unwanted, **how)
+
+    def interrupted(done: int, of: int) -> None:
+        if done:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(type(study), "start", endless)
+    with pytest.raises(KeyboardInterrupt):
+        run_study(study, tmp_path / "out", engine=on_this_host(["cpu", "cpu"]), progress=interrupted)
+    assert not [thread.name for thread in threading.enumerate() if thread.name.startswith("study-")]
+    assert freed and all(freed) and open_store(tmp_path / "out").finished() == [0]
+
+
+def test_trials_that_are_not_wanted_any_more_take_no_steps(folder):
+    asked_to_end = threading.Event()
+    asked_to_end.set()
+    with pytest.raises(CancelledError):
+        load_study(folder / "s.toml").start([0], device="cpu", unwanted=asked_to_end)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+import threading
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import AbstractContextManager
 from typing import Any, Protocol, runtime_checkable
@@ -153,35 +155,52 @@ def on_this_host(devices: Sequence[str]) -> Engine:
         done = len(store.finished())
         alone = len(devices) == 1 and devices[0] == "cpu"  # interrupts are answered where they arrive
         compute = _one_by_one(study, store, waiting) if alone else _side_by_side(study, store, waiting, devices)
-        for numbers in compute:
-            done += len(numbers)
-            progress(done, count)
+        with contextlib.closing(compute):  # an interrupt may come in `progress`, and threads be at work
+            for numbers in compute:
+                done += len(numbers)
+                progress(done, count)
 
     return run
 
 
-def _one_by_one(study: AnyStudy, store: Store, waiting: Iterator[list[int]]) -> Iterator[list[int]]:
+def _one_by_one(study: AnyStudy, store: Store, waiting: Iterator[list[int]]) -> Generator[list[int], None, None]:
     for numbers in waiting:
         compute_and_keep(study, store, numbers, "cpu")
         yield numbers
 
 
+@contextlib.contextmanager
+def _set_at_the_end() -> Iterator[threading.Event]:
+    """What says to other threads that this one has ended."""
+    ended = threading.Event()
+    try:
+        yield ended
+    finally:
+        ended.set()
+
+
 def _side_by_side(
     study: AnyStudy, store: Store, waiting: Iterator[list[int]], devices: Sequence[str]
-) -> Iterator[list[int]]:
+) -> Generator[list[int], None, None]:
     """A thread per device starts tasks, one more waits for each and writes it.
 
     So disks do not keep devices waiting, and a GPU is given the next task while it is still at the end of the last.
+    Whatever ends it, tasks that devices were given whole are kept, and the threads have gone.
     """
     free = list(devices)
     starting: dict[Future[Any], tuple[str, list[int]]] = {}
     writing: dict[Future[Any], list[int]] = {}
     # Warp makes a device the default one while it copies from there to the host
-    with wp.ScopedDevice(wp.get_device()), ThreadPoolExecutor(len(devices)) as pool, ThreadPoolExecutor(1) as writer:
+    with (
+        wp.ScopedDevice(wp.get_device()),
+        ThreadPoolExecutor(len(devices), "study-device") as pool,
+        ThreadPoolExecutor(1, "study-writer") as writer,
+        _set_at_the_end() as unwanted,
+    ):
         while True:
             for numbers in itertools.islice(waiting, len(free)):
                 device = free.pop()
-                starting[pool.submit(study.start, numbers, device=device)] = device, numbers
+                starting[pool.submit(study.start, numbers, device=device, unwanted=unwanted)] = device, numbers
             if not starting and not writing:
                 return
             # what is started waits for the writer in memory: not more than a task per device

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,7 @@ from otwarp.studies.rare.compute import Found, own_step_counts, rates_at
 from otwarp.studies.rare.layout import PILOT, SLOTS
 from otwarp.studies.rare.orders import Order, distance, order_of
 from otwarp.studies.rare.placement import MOST, rounded
+from otwarp.studies.runner import check_wanted
 from otwarp.studies.stopping.rules import trials
 from otwarp.studies.store import Variable
 from otwarp.studies.study import Study
@@ -239,9 +241,12 @@ class EscapeStudy(Study):
             out.append({name: values.reshape(*shape, *values.shape) for name, values in found.items()})
         return out
 
-    def start(self, numbers: Sequence[int], **how: Any) -> Read:
+    def start(self, numbers: Sequence[int], *, unwanted: threading.Event | None = None, **how: Any) -> Read:
         """As `Study.start`; all is computed, as each stage of a run hangs on the one before."""
-        found = self.compute(numbers, **how)
+        found: list[dict[str, np.ndarray]] = []
+        for number in numbers:
+            check_wanted(unwanted)
+            found += self.compute([number], **how)
         return lambda: found
 
 
