@@ -168,6 +168,7 @@ class Store:
             OSError: The disk is full, or the folder has gone; it names a file.
         """
         with self._named_errors():
+            self._check_there()
             for name in sorted(arrays, key="trials".__eq__):
                 self._put(name, where, arrays[name])
         for block in blocks:
@@ -185,6 +186,7 @@ class Store:
             OSError: As `write`.
         """
         with self._named_errors():
+            self._check_there()
             for name, values in arrays.items():
                 if name != "trials":
                     kept = self.block(name, where)
@@ -210,6 +212,10 @@ class Store:
         """
         with self._named_errors(), written(self.folder / "done" / f"{block:06d}") as part:
             part.write_text(json.dumps(versions()) + "\n", encoding="utf-8")
+
+    def _check_there(self) -> None:
+        """Raise if the results have gone since they were opened: zarr would make their folders anew, but no arrays."""
+        (self.results / "zarr.json").stat()
 
     def _put(self, name: str, where: tuple[slice, ...], values: np.ndarray) -> None:
         self._arrays[name][(*where, ...)] = values

@@ -335,3 +335,17 @@ def test_devices_side_by_side(scene, whole, tmp_path):
     engine = on_this_host(["cpu", "cpu"])
     store = run_study(study_of(scene), tmp_path / "out", engine=engine, progress=lambda done, _: said.append(done))
     assert said == [0, 1, 2, 3] and same(store, whole)
+
+
+def test_results_that_go_while_a_study_runs_end_it(scene, tmp_path):
+    """zarr would write what follows into folders that it makes anew, and all blocks would be marked as done."""
+    out = tmp_path / "out"
+
+    def gone(done: int, of: int) -> None:
+        if done == 1:
+            shutil.rmtree(out / "results.zarr")
+
+    with pytest.raises(FileNotFoundError, match=r"results\.zarr") as caught:
+        run_study(study_of(scene), out, devices=["cpu"], progress=gone)
+    assert Path(caught.value.filename).name == "zarr.json" and Store(out).finished() == [0]
+    assert not (out / "results.zarr").exists()
