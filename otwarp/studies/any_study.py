@@ -35,6 +35,7 @@ class AnyStudy(Protocol):
         horizon: How long a trial goes on at most [s].
         round: (points) trials before and after what is to be computed, in a round of spending a budget, or None.
         text: Of the file that described it, or None.
+        side_by_side: Whether a device computes several blocks in the time of one.
     """
 
     design: Design
@@ -46,6 +47,7 @@ class AnyStudy(Protocol):
     horizon: float
     round: tuple[np.ndarray, np.ndarray] | None
     text: str | None
+    side_by_side: bool
 
     @property
     def ends(self) -> tuple[End, ...]:

@@ -67,6 +67,7 @@ class Study:
         cut: Points of a block along each dimension, as a folder has them that was made before; None: as many as
             `BLOCK_TRIALS` and `BLOCK_WORK` allow.
         text: Of the file that described it, which its folder keeps; None: there was none.
+        side_by_side: Whether a device computes several blocks in the time of one.
 
     Raises:
         InputError: Anything that is not allowed, in one line.
@@ -76,6 +77,8 @@ class Study:
         ...                  observables=[ot.trapped(until=1.0)], stop=ot.half_width(0.01), seed=7)
         >>> table = study.run("out/capture")
     """
+
+    side_by_side = True
 
     def __init__(
         self,

@@ -144,6 +144,8 @@ def test_tasks_of_gpus(folder):
     points = len(long.blocks())  # each is a block of its own
     assert long.runner.steps > 2**20 and points == 4_096
     assert {len(t) for t in tasks(long, range(points), gpu=True)} == {2**16 // 1_024}
+    escapes = ot.EscapeStudy(folder / "well.usda", axes={"trap_power": ot.grid(0.5, 1.0, 3, unit="mW")})
+    assert tasks(escapes, range(3), gpu=True) == [[0], [1], [2]]  # one after the other: kept as soon as it is known
 
 
 @pytest.mark.quick

@@ -72,10 +72,12 @@ ROUND = 2**14
 def tasks(study: AnyStudy, todo: Sequence[int], *, gpu: bool, workers: int = 1) -> list[list[int]]:
     """Blocks in groups that fill a device without leaving other workers idle.
 
-    On a CPU each is one, but in rounds of spending a budget, where a block may have few new trials.
+    On a CPU each is one, but in rounds of spending a budget, where a block may have few new trials; and on all devices
+    where blocks are not computed side by side, so that each is kept as soon as it is known.
     """
     most = min(TOGETHER, max(FEWEST, WORLD_STEPS // study.runner.steps)) if gpu else ROUND
-    size = -(-len(todo) // max(workers, 1)) if gpu or study.round is not None else 1
+    several = study.side_by_side and (gpu or study.round is not None)
+    size = -(-len(todo) // max(workers, 1)) if several else 1
     found: list[list[int]] = []
     full = 0
     for n, new in zip(todo, _new_trials(study, todo), strict=True):

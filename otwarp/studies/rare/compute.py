@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -70,21 +70,28 @@ def _with_powers(scene: Scene, powers: np.ndarray) -> Scene:
     return dataclasses.replace(scene, traps=traps)
 
 
-def rates_at(study: AnyEscapeStudy, point: int, *, device: str, threads: int | None, worlds: int) -> Found:
+def rates_at(study: AnyEscapeStudy, point: int, *, worlds: int, **how: Any) -> Found:
     """All that the store keeps of a point.
 
+    Args:
+        study: Whose point it is.
+        point: Its number.
+        worlds: Paths that run at once, at most, but for those of one run.
+        how: `device`, `threads` and `unwanted`, as of `Ensemble`.
+
     Raises:
+        CancelledError: `unwanted` was set meanwhile.
         InputError: What only the paths show, such as an order parameter that is NaN; the message names the point.
     """
     try:
-        return _rates_at(study, point, device, threads, worlds)
+        return _rates_at(study, point, worlds, how)
     except InputError as error:
         at = study.design.at(np.array([point]))
         where = ", ".join(f"{t.name} = {np.round(v[0], 6)} {t.unit}".rstrip() for t, v in at.items())
         raise InputError(f"at {where}: {error}" if where else str(error)) from None
 
 
-def _rates_at(study: AnyEscapeStudy, point: int, device: str, threads: int | None, worlds: int) -> Found:
+def _rates_at(study: AnyEscapeStudy, point: int, worlds: int, how: dict[str, Any]) -> Found:
     (group,) = study.design.groups(np.array([point]))
     scene, m, first = study.design.scene_of(group[1]), study.branches, point * (study.runs + 1)
     at = {t: v for t, v in study.design.at(np.array([point])).items() if not t.grouped}
@@ -103,8 +110,7 @@ def _rates_at(study: AnyEscapeStudy, point: int, device: str, threads: int | Non
             time_step=step / halves,
             every=study.every * halves,
             options=study.options,
-            device=device,
-            threads=threads,
+            **how,
         )
 
     pilot = ensemble(stride, 1)

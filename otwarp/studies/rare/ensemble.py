@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +22,7 @@ from otwarp.simulation.simulation import Simulation
 from otwarp.studies.rare.orders import Order
 from otwarp.studies.rare.states import States, read, write
 from otwarp.studies.rows import origin_of, parameter_rows, start_rows
+from otwarp.studies.runner import check_wanted
 from otwarp.studies.targets import Target
 
 FAULT, LOST, GONE_BACK, UP, IDLE = -1, 1, int(RETURNED), int(ADVANCED), 9
@@ -72,6 +74,7 @@ class Ensemble:
         options: What else is chosen about the step.
         device: Where.
         threads: On a CPU; None for as many as there are cores.
+        unwanted: Set by another thread when nobody wants the paths any more: the next look raises `CancelledError`.
     """
 
     def __init__(
@@ -87,11 +90,12 @@ class Ensemble:
         options: StepOptions,
         device: str,
         threads: int | None = None,
+        unwanted: threading.Event | None = None,
     ):
         origin = origin_of(scene, options)
-        self.every, self.order = every, order
+        self.every, self.order, self._unwanted = every, order, unwanted
         named: dict[str, Any] = {"order": order, "seed": seed, "time_step": time_step, "every": every}
-        named |= {"options": options, "device": device, "threads": 1}
+        named |= {"options": options, "device": device, "threads": 1, "unwanted": unwanted}
         self._smaller = lambda: Ensemble(scene, values, FEW, **named)
         self._few: Ensemble | None = None
         self._loop: CapturedLoop | None = None
@@ -176,6 +180,7 @@ class Ensemble:
 
         Raises:
             InputError: The order parameter of a world is NaN.
+            CancelledError: `unwanted` is set.
         """
         self.turn()
         done = self.done.numpy()
@@ -184,6 +189,7 @@ class Ensemble:
 
     def turn(self) -> None:
         """The same, and nothing is read."""
+        check_wanted(self._unwanted)
         self.sim.step(self.every)
         if self.order.measured:
             self.sim.measure()
@@ -198,6 +204,7 @@ class Ensemble:
 
     def turns(self, count: int) -> None:
         """`count` looks as one graph, and nothing is read."""
+        check_wanted(self._unwanted)
         if self._loop is None:
             load_kernels((self._kernel,), self.sim.model.device)
             self._loop = self.sim.capture(self.every, after=self._watch, readout=self.order.measured)

@@ -23,7 +23,6 @@ from otwarp.studies.rare.compute import Found, own_step_counts, rates_at
 from otwarp.studies.rare.layout import PILOT, SLOTS
 from otwarp.studies.rare.orders import Order, distance, order_of
 from otwarp.studies.rare.placement import MOST, rounded
-from otwarp.studies.runner import check_wanted
 from otwarp.studies.stopping.rules import trials
 from otwarp.studies.store import Variable
 from otwarp.studies.study import Study
@@ -92,6 +91,7 @@ class EscapeStudy(Study):
     """
 
     kind = "escape"
+    side_by_side = False
 
     def __init__(
         self,
@@ -219,10 +219,16 @@ class EscapeStudy(Study):
             }
         return found, {"trial": self.runs, "interface": MOST}
 
-    def compute(
-        self, numbers: Sequence[int], *, device: str, threads: int | None = None, worlds: int | None = None
-    ) -> list[dict[str, np.ndarray]]:
-        """Compute blocks, one after the other: of each its arrays by the names of the store.
+    def start(
+        self,
+        numbers: Sequence[int],
+        *,
+        device: str,
+        threads: int | None = None,
+        worlds: int | None = None,
+        unwanted: threading.Event | None = None,
+    ) -> Read:
+        """As `Study.start`, one block after the other; all is computed, as each stage of a run hangs on the one before.
 
         Args:
             numbers: Of the blocks.
@@ -230,24 +236,20 @@ class EscapeStudy(Study):
             threads: On a CPU.
             worlds: Paths that run at once, at most, but for those of one run; None: as many as there is memory for.
                 Results do not depend on it.
+            unwanted: Says to another thread that nobody wants the blocks any more; it is looked at before every look.
+
+        Raises:
+            CancelledError: `unwanted` was set meanwhile.
         """
         worlds = worlds or rough_worlds(self.design.scene, self.options.precision, device)
         every = np.arange(self.design.points).reshape(self.design.shape)
-        out = []
+        out: list[Found] = []
         for where in (self.blocks()[n] for n in numbers):
             (point,) = every[where].ravel() if self.design.shape else (0,)
-            found: Found = rates_at(self, int(point), device=device, threads=threads, worlds=worlds)
+            found = rates_at(self, int(point), worlds=worlds, device=device, threads=threads, unwanted=unwanted)
             shape = every[where].shape
             out.append({name: values.reshape(*shape, *values.shape) for name, values in found.items()})
-        return out
-
-    def start(self, numbers: Sequence[int], *, unwanted: threading.Event | None = None, **how: Any) -> Read:
-        """As `Study.start`; all is computed, as each stage of a run hangs on the one before."""
-        found: list[dict[str, np.ndarray]] = []
-        for number in numbers:
-            check_wanted(unwanted)
-            found += self.compute([number], **how)
-        return lambda: found
+        return lambda: out
 
 
 def _between(name: str, value: Any, low: float, high: float) -> float:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import sys
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +16,11 @@ import otwarp as ot
 from otwarp.bench.integrators.fokker_planck import mean_exit_time
 from otwarp.cli.main import main
 from otwarp.errors import InputError
+from otwarp.studies.engines.local import on_this_host
+from otwarp.studies.engines.run import run_study
 from otwarp.studies.file import load_study
 from otwarp.studies.rare import basin
+from otwarp.studies.rare.ensemble import Ensemble
 from otwarp.studies.rare.orders import distance
 from otwarp.studies.rare.results import interval_of_mean
 from otwarp.studies.rare.study import EscapeStudy
@@ -234,6 +241,40 @@ def test_from_a_file(tmp_path, scene, capsys):
     file.write_text(FILE.replace("branches = 64", "branches = 65"))
     assert main(["study", "run", str(file), "-o", str(out)]) == 2
     assert "another escape" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_an_interrupt_ends_a_block_in_its_middle(scene, tmp_path, monkeypatch):
+    """As on GPUs, where a thread computes it: nothing is kept, no thread stays, the same bytes follow."""
+    powers = ot.values([0.5], unit="mW")
+    study = EscapeStudy(scene, axes={"trap_power": powers}, relax=0.1, halved=False, **(SMALL | {"runs": 2}))
+    turn, heard, looks = Ensemble.turn, [], []
+
+    def interrupted(self):
+        if len(looks) == 100:
+            os.kill(os.getpid(), signal.SIGINT)
+            heard.append(self._unwanted.wait(60.0))
+        turn(self)
+        looks.append(threading.current_thread().name)
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+            patch.setattr(Ensemble, "turn", interrupted)
+            run_study(study, tmp_path / "out", engine=on_this_host(["cpu", "cpu"]))
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert heard == [True] and len(looks) == 100 and "study-device_0" in looks
+    assert not [thread.name for thread in threading.enumerate() if thread.name.startswith("study-")]
+    assert open_store(tmp_path / "out").finished() == []
+    for name in ("out", "whole"):
+        run_study(study, tmp_path / name, devices=["cpu"])
+    assert bytes_in(tmp_path / "out") == bytes_in(tmp_path / "whole")
+
+
+def bytes_in(folder: Path) -> dict[str, bytes]:
+    """Of each file, by its place in the folder."""
+    return {str(file.relative_to(folder)): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
 
 
 @pytest.mark.thorough
