@@ -10,6 +10,7 @@ from typing import Any
 
 import click
 
+from otwarp.cli import stop
 from otwarp.cli.lazy import LazyGroup
 from otwarp.cli.stop import EXIT_INTERRUPTED, Terminated, terminable
 from otwarp.errors import InputError, SimulationError, is_full_memory
@@ -108,9 +109,11 @@ def main(arguments: list[str] | None = None) -> int:
         words = " ".join(str(error).split())[:100]
         return _fail(f"the memory of the device does not suffice: {words}", EXIT_SYSTEM)
     except Stopped as error:
+        stop.answered = True
         terminated = isinstance(error.__cause__, Terminated)
         return _fail(*(("terminated", EXIT_TERMINATED) if terminated else ("interrupted", EXIT_INTERRUPTED)))
     except (KeyboardInterrupt, click.Abort):
+        stop.answered = True
         return _fail("interrupted", EXIT_INTERRUPTED)
 
 

@@ -16,9 +16,11 @@ def start() -> int:
     try:
         if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not what runs in a shell's background
             signal.signal(signal.SIGINT, stop.interrupt)
+            stop.forget_at_the_end()
         from otwarp.cli.main import main
 
-        return main()
+        return stop.leave(main())
     except KeyboardInterrupt:  # before `main` catches it, or after
+        stop.answered = True
         print("otwarp: interrupted", file=sys.stderr)
-        return stop.EXIT_INTERRUPTED
+        return stop.leave(stop.EXIT_INTERRUPTED)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
+import contextlib
 import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,6 +18,10 @@ EXIT_INTERRUPTED = 130
 class Terminated(KeyboardInterrupt):
     """Raised in a run that SIGTERM ends."""
 
+
+answered = False
+"""Whether an interrupt has come to where it ends the command: those that follow while the last line is written are let
+go. Set by an assignment, between which and the `except` above no handler is called."""
 
 _asked = threading.Event()
 _interrupted = threading.Event()
@@ -49,11 +56,36 @@ def interrupt(number: int, frame: FrameType | None) -> None:
 
     Libraries in C may swallow an exception, or go on half imported, where their imports are cut short.
     """
+    if answered:
+        return
     _interrupted.set()
     if not _begun.is_set() and _importing(frame):
         os.write(2, b"otwarp: interrupted\n")
         os._exit(EXIT_INTERRUPTED)
     raise KeyboardInterrupt
+
+
+def leave(code: int) -> int:
+    """What a process ends with; an interrupt from now on ends it at once, with the same code and without a word.
+
+    Python goes on for a while: it joins threads, calls what was registered, and lets go of handlers, after which Ctrl-C
+    would end the process by the signal. Call `forget_at_the_end` as early as possible as well.
+    """
+
+    def quit_at_once(*_: object) -> None:
+        for stream in (sys.stdout, sys.stderr):
+            with contextlib.suppress(Exception):  # whoever read it has gone, or the signal came while it was flushed
+                stream.flush()
+        os._exit(code)
+
+    if signal.getsignal(signal.SIGINT) is interrupt:
+        signal.signal(signal.SIGINT, quit_at_once)
+    return code
+
+
+def forget_at_the_end() -> None:
+    """Ignore Ctrl-C behind all that is registered later for the end of the process; the rest takes half a second."""
+    atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)
 
 
 def _importing(frame: FrameType | None) -> bool:
@@ -73,6 +105,8 @@ def terminable() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
+    global answered
+    answered = False
     for event in (_asked, _interrupted, _begun):
         event.clear()
 

@@ -158,3 +158,56 @@ def test_an_interrupt_ends_a_command_whenever_it_comes(words: list[str], after: 
     left = {path.name for path in (tmp_path / "out").glob("*")}
     assert left in (set(), {"figure.png", "run.nc", "run.usda", "summary.json", "trajectory.usdc"})
     assert not list(tmp_path.glob(".*"))
+
+
+ENDED = """
+import atexit, os, signal, sys
+
+def interrupt():
+    os.kill(os.getpid(), signal.SIGINT)
+
+class Interrupting:
+    def __init__(self, stream):
+        self.stream = stream
+
+    def __getattr__(self, name):
+        return getattr(self.stream, name)
+
+    def write(self, text):
+        interrupt()
+        return self.stream.write(text)
+
+class Late:
+    def __del__(self, interrupt=interrupt):
+        interrupt()
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+moment = sys.argv.pop()
+if moment == "behind all that is called at the end":
+    atexit.register(interrupt)
+from otwarp.cli.start import start
+if moment == "while it prints":
+    sys.stdout, sys.stderr = Interrupting(sys.stdout), Interrupting(sys.stderr)
+code = start()
+if moment == "behind the command":
+    interrupt()
+    raise AssertionError("the process goes on")
+if moment == "while objects go":
+    sys.late = Late()
+sys.exit(code)
+"""
+"""The command with interrupts at a moment of its end; the last argument says which."""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+@pytest.mark.parametrize(
+    "moment", ["behind the command", "behind all that is called at the end", "while objects go", "while it prints"]
+)
+def test_an_interrupt_at_the_end_changes_nothing(moment: str) -> None:
+    """But where it comes before the last line: that is then the only one, however many follow."""
+    command = [sys.executable, "-c", ENDED, "scenes", "list", moment]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    if moment == "while it prints":
+        assert (ended.returncode, ended.stderr) == (130, "otwarp: interrupted\n")
+    else:
+        assert (ended.returncode, ended.stderr) == (0, "") and "single_bead" in ended.stdout
