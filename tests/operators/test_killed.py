@@ -1,12 +1,29 @@
 """A study of simulated operators that is killed at its work goes on to the same bits, by the same line."""
 
+import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 
 from otwarp.operators.folder import open_folder
+
+KILLED = """
+import os, signal
+from otwarp.operators import folder
+
+written = folder.written
+
+def killed(file):
+    if file.parent.name == "done" and file.name == "000002":
+        os.kill(os.getpid(), signal.SIGKILL)
+    return written(file)
+
+folder.written = killed
+from otwarp.cli.start import start
+start()
+"""
+"""The command, killed when the third chunk is written and not yet marked as whole."""
 
 
 def command(out):
@@ -17,12 +34,10 @@ def command(out):
 def test_a_killed_study_goes_on(tmp_path):
     subprocess.run(command(tmp_path / "whole"), check=True, capture_output=True)
     killed = tmp_path / "killed"
-    with subprocess.Popen(command(killed), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as child:
-        while not (killed / "done" / "000001").exists():
-            assert child.poll() is None
-            time.sleep(0.005)
-        child.kill()
-    assert not (killed / "done" / "000005").exists()
+    line = command(killed)
+    ended = subprocess.run([line[0], "-c", KILLED, *line[3:]], capture_output=True, text=True, check=False)
+    assert ended.returncode == -signal.SIGKILL, ended.stderr
+    assert sorted(mark.name for mark in (killed / "done").iterdir()) == ["000000", "000001"]
     again = subprocess.run(command(killed), check=True, capture_output=True, text=True)
     assert "6 simulated operators are done" in again.stdout
     whole = open_folder(tmp_path / "whole").read()

@@ -29,8 +29,10 @@ parts.EVERY = 0.05
 
 def kill(line):
     if line.startswith("force_curves: "):
-        (Path(sys.argv[1]) / "work" / "force_curves" / "kept").touch()
-        time.sleep(0.5)
+        work = Path(sys.argv[1]) / "work" / "force_curves"
+        (work / "kept").touch()
+        while parts.read_parts(work / parts.PARTS)[0].seconds <= 0.4:
+            time.sleep(0.01)
         os.kill(os.getpid(), signal.SIGKILL)
 
 reproduce(sys.argv[1], names=("force_curves",), quick=True, device="cpu", say=kill)
