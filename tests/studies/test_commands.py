@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 import json
 import math
 import os
@@ -196,19 +195,6 @@ def test_a_study_file_that_is_none(tmp_path, capsys, text):
         error = capsys.readouterr().err
         assert "study.json: h" in error and "allowed: the file that otwarp study run wrote" in error
         assert error.count("\n") == 1
-
-
-@pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="Ray is not installed")
-def test_a_ray_that_does_not_run_here(tmp_path, scene, capsys, monkeypatch):
-    """`--address auto` is found out before a folder is made."""
-    monkeypatch.delenv("RAY_ADDRESS", raising=False)
-    (tmp_path / "s.toml").write_text(
-        f'scene = "{scene}"\n[[observable]]\nkind = "trapped"\nuntil = "4 ms"\n[stop]\ntrials = 8\n'
-    )
-    line = ["study", "run", str(tmp_path / "s.toml"), "-o", str(tmp_path / "out"), "--engine", "ray"]
-    assert main([*line, "--address", "auto"]) == 2
-    assert "--address is auto: Could not find any running Ray" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
 
 
 def test_lines_of_a_log(monkeypatch, capsys):

@@ -77,6 +77,16 @@ def cluster():
         made.shutdown()
 
 
+@needs_ray
+def test_a_ray_that_does_not_run_here(folder, tmp_path, capsys, monkeypatch):
+    """`--address auto` is found out before a folder is made. In this file, as others' clusters here are found, too."""
+    monkeypatch.delenv("RAY_ADDRESS", raising=False)
+    line = ["study", "run", str(folder / "s.toml"), "-o", str(tmp_path / "out"), "--engine", "ray"]
+    assert main([*line, "--address", "auto"]) == 2
+    assert "--address is auto: Could not find any running Ray" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.quick
 @needs_ray
 @pytest.mark.parametrize(

@@ -216,10 +216,11 @@ def _result(ray: Any, task: Any) -> None:
     """Pass on what went wrong in a task as what it was there."""
     try:
         ray.get(task)
-    except ray.exceptions.RayTaskError as error:
-        raise error.cause if isinstance(error.cause, Exception) else error from None
     except ray.exceptions.RayError as error:
-        raise OSError(f"Ray gave a block up: {_first_line(error)}; the same line goes on") from None
+        cause = error.cause if isinstance(error, ray.exceptions.RayTaskError) else error
+        if isinstance(cause, ray.exceptions.RayError):  # of a task as well, whose cluster goes
+            raise OSError(f"Ray gave a block up: {_first_line(cause)}; the same line goes on") from None
+        raise cause if isinstance(cause, Exception) else error from None
 
 
 def _first_line(error: BaseException) -> str:
