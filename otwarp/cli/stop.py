@@ -73,6 +73,7 @@ def leave(code: int) -> int:
     """
 
     def quit_at_once(*_: object) -> None:
+        """Write what is still to be written, and go."""
         for stream in (sys.stdout, sys.stderr):
             with contextlib.suppress(Exception):  # whoever read it has gone, or the signal came while it was flushed
                 stream.flush()
