@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -89,7 +90,7 @@ def reading(arrays: Sequence[wp.array], device: wp.Device) -> Callable[[], list[
     def read() -> list[np.ndarray]:
         """Wait, and copy."""
         stream = wp.Stream(device)
-        stream.wait_event(event)
+        wp.synchronize_event(event)
         copies = [wp.empty(array.shape, dtype=array.dtype, device="cpu") for array in arrays]
         for copy, array in zip(copies, arrays, strict=True):
             wp.copy(copy, array, stream=stream)
@@ -97,3 +98,24 @@ def reading(arrays: Sequence[wp.array], device: wp.Device) -> Callable[[], list[
         return [copy.numpy() for copy in copies]
 
     return read
+
+
+@contextlib.contextmanager
+def beside_queued(device: wp.Device) -> Iterator[None]:
+    """What is begun here does not wait for what a GPU was given before; what it is given after waits for this.
+
+    A copy from ordinary memory keeps the host until its turn in the stream has come, so that in the stream of queued
+    steps it would wait for all of them.
+
+    Args:
+        device: Where; a CPU has no queue.
+    """
+    if device.is_cpu:
+        yield
+        return
+    before = device.stream
+    device.set_stream(wp.Stream(device), sync=False)
+    try:
+        yield
+    finally:
+        device.set_stream(before)  # which waits for what was begun here

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from otwarp.device import empty, reading
+from otwarp.device import beside_queued, empty, pick_device, reading
 from otwarp.kernels.core.precision import kernel_module
 from otwarp.scene import Scene
 from otwarp.simulation.drivers.compilation import load_kernels
@@ -148,6 +148,7 @@ class Runner:
         values: dict[Target, np.ndarray],
         trials: np.ndarray,
         *,
+        device: str,
         unwanted: threading.Event | None = None,
         **how: Any,
     ) -> Callable[[], Outcomes]:
@@ -161,8 +162,9 @@ class Runner:
             CancelledError: `unwanted` was set meanwhile.
         """
         check_wanted(unwanted)
-        sim = self.simulation(scene, values, trials, **how)
-        observer = _Observer(sim, self.numbers) if self.numbers else None
+        with beside_queued(pick_device(device)):
+            sim = self.simulation(scene, values, trials, device=device, **how)
+            observer = _Observer(sim, self.numbers) if self.numbers else None
         taken = 0
         for n, count in enumerate(self.segments(), start=1):
             taken += count
