@@ -23,7 +23,8 @@ if TYPE_CHECKING:
               help="Folder of the report, new or one to go on with: report.html, figures, numbers.")  # fmt: skip
 @click.option("--quick", is_flag=True, help="Minutes on two cores: fewer trials, a reduced network table.")
 @click.option("--only", multiple=True, metavar="NAME",
-              help="This item of --list, by name, not by the paper's number; several times for several.")  # fmt: skip
+              help="This item of --list, by name or as fig6, table2: the report's own numbers, which are not the "
+                   "paper's; several times for several.")  # fmt: skip
 @click.option("--list", "as_list", is_flag=True, help="Print the items and what each shows, and do nothing.")
 @click.option("--scenes", type=FILE, default="scenes", show_default=True, help="Folder of the shipped scenes.")
 @click.option("--docs", type=OutputPath(), metavar="FILE",
@@ -56,10 +57,12 @@ def reproduce(
         _write_docs(out, docs)
         return
     check_place(out, "--out", folder=True)  # not for --docs, which reads it
-    from otwarp.reproduce.registry import chosen
+    from otwarp.reproduce.numbering import chosen, told
     from otwarp.reproduce.runner import reproduce as reproduced
 
     asked = {item.name for item in chosen(only)}
+    for line in told(only):
+        click.echo(f"otwarp: {line}", err=True)
     stop.begin()
 
     def say(line: str) -> None:
@@ -73,15 +76,18 @@ def reproduce(
 
 
 def _list(as_json: bool) -> None:
+    from otwarp.reproduce.numbering import FIGURES, TABLES, numbers_said
     from otwarp.reproduce.registry import ITEMS
 
     if as_json:
-        click.echo(json.dumps({name: {"title": i.title, "about": i.about} for name, i in ITEMS.items()}, indent=2,
-                              ensure_ascii=False))  # fmt: skip
+        said = {name: {"title": i.title, "about": i.about, "figures": [*FIGURES[name]], "tables": [*TABLES[name]]}
+                for name, i in ITEMS.items()}  # fmt: skip
+        click.echo(json.dumps(said, indent=2, ensure_ascii=False))
         return
-    width = max(map(len, ITEMS))
+    width, numbers = max(map(len, ITEMS)), {name: numbers_said(name) for name in ITEMS}
+    wide = max(map(len, numbers.values()))
     for name, item in ITEMS.items():
-        click.echo(f"{name:<{width}}  {item.about}")
+        click.echo(f"{name:<{width}}  {numbers[name]:<{wide}}  {item.about}")
 
 
 def _write_docs(out: Path, docs: Path) -> None:
@@ -98,16 +104,17 @@ def _print(found: Report, asked: set[str], as_json: bool) -> None:
         click.echo(json.dumps({"report": str(found.page), "seconds": seconds, "missing": found.missing}, indent=2,
                               ensure_ascii=False))  # fmt: skip
         return
+    from otwarp.reproduce.numbering import numbers_said
     from otwarp.reproduce.parts import how_long
     from otwarp.reproduce.report import took
 
     for one in found.done:
         if one.name not in asked:
             continue
-        click.echo(f"{one.title} ({how_long(one.parts)})")
+        click.echo(f"{one.title}: {numbers_said(one.name)} ({how_long(one.parts)})")
         for row in one.result.comparisons:
-            unit = f" {row.unit}" if row.unit else ""
-            click.echo(f"    {row.what}: paper {row.paper.said()}, ours {row.ours.said()}{unit}")
+            unit = f" [{row.unit}]" if row.unit else ""  # behind a value it would also be behind words
+            click.echo(f"    {row.what}{unit}: paper {row.paper.said()}, ours {row.ours.said()}")
     for name, why in found.missing.items():
         click.echo(f"{name} was left out: {why}")
     click.echo(took(found.done))

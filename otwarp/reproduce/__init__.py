@@ -8,6 +8,7 @@ each file importing only from those above it:
     drawing           looks of figures; CSV files
     items             the items themselves, a module each
     registry          all of them in one table
+    numbering         figures and tables of the report by number
     code              commit and digest of what computes
     parts             the calls in which an item was computed, their times and machines
     store             the folder

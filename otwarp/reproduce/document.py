@@ -9,6 +9,7 @@ from otwarp.errors import InputError
 from otwarp.files import check_place, written
 from otwarp.reproduce.drawing import write_small
 from otwarp.reproduce.item import GRADES
+from otwarp.reproduce.numbering import FIGURES, PAIR, TABLES
 from otwarp.reproduce.parts import how_long, where
 from otwarp.reproduce.registry import ITEMS
 from otwarp.reproduce.report import PAPER, took, whose
@@ -61,7 +62,8 @@ def markdown(store: Store, done: Sequence[Done]) -> str:
         "otwarp reproduce --out out/paper             # every table and figure; goes on where it was interrupted",
         "otwarp reproduce --out out/quick --quick     # in minutes on two cores",
         "otwarp reproduce --out out/quick --quick --only rendering --only strategy_a",
-        "otwarp reproduce --list                      # the items, by whose names --only goes, and what they show",
+        "otwarp reproduce --out out/paper --only fig6   # or table2: by a number of the figures and tables below",
+        "otwarp reproduce --list                      # the items, their figures and tables, and what they show",
         "```",
         "",
         f"Every table and figure of {PAPER}, ours beside theirs. The command writes `report.html` (one file, figures "
@@ -71,7 +73,7 @@ def markdown(store: Store, done: Sequence[Done]) -> str:
         *_kind(store),
         "How well a figure of the paper is known: " + "; ".join(f"**{g}** {said}" for g, said in GRADES.items())
         + ". SE is a standard error, brackets hold 95 % intervals, ± after a mean is the spread of what it is the "
-          "mean of.",
+          "mean of. Figures and tables have numbers of this report, which are not the paper's.",
         "",
         f"{took(done)} {whose(done)}",
         "",
@@ -98,22 +100,28 @@ def _kind(store: Store) -> list[str]:
 def _item(one: Done) -> list[str]:
     found = one.result
     lines = [f"## {one.title}", ""]
-    for figure in found.figures:
+    for number, figure in zip(FIGURES[one.name], found.figures, strict=True):
         lines += [
             f"![{_words(figure.caption).replace('`', '')}](images/{PREFIX}{figure.file})",
             "",
-            f"*{figure.caption}*",
+            f"*Figure {number}. {figure.caption}*",
             "",
         ]
-    lines += ["| | paper | | otwarp | |", "|---|---|---|---|---|"]
+    first, *others = TABLES[one.name]
+    lines += [f"**Table {first}. {PAIR}**", "", "| | paper | | otwarp | |", "|---|---|---|---|---|"]
     for row in found.comparisons:
         unit = f" [{row.unit}]" if row.unit else ""
         lines.append(_row(row.what + unit, row.paper.said(), row.grade, row.ours.said(), row.remark))
     lines += ["", _words(found.definition), "", _words(found.difference), ""]
     if found.incomparable:
         lines += ["**What cannot be compared.**", "", *(f"- {_words(line)}" for line in found.incomparable), ""]
-    for table in found.tables:
-        lines += [f"**{table.title}**", "", _row(*table.head), "|---|" + "---:|" * (len(table.head) - 1)]
+    for number, table in zip(others, found.tables, strict=True):
+        lines += [
+            f"**Table {number}. {table.title}**",
+            "",
+            _row(*table.head),
+            "|---|" + "---:|" * (len(table.head) - 1),
+        ]
         lines += [*(_row(*row) for row in table.rows), ""]
         if table.note:
             lines += [_words(table.note), ""]

@@ -223,6 +223,7 @@ class Item:
         title: Its heading.
         about: What of the paper it regenerates, in a line.
         run: Computes it.
+        figures, tables: How many its result has, in full and in quick; the table of theirs and ours is the first.
         scenes: Of the shipped ones, that it needs.
     """
 
@@ -230,4 +231,6 @@ class Item:
     title: str
     about: str
     run: Callable[[Request], Result]
+    figures: int
+    tables: int
     scenes: tuple[str, ...] = ()

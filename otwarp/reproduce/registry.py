@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from importlib import import_module
 
-from otwarp.errors import InputError
 from otwarp.reproduce.item import Item, Request, Result
 
 
@@ -28,6 +26,8 @@ ITEMS: dict[str, Item] = {
             title="The setup",
             about="parameters: theirs with their grades, ours",
             run=run_of("setup"),
+            figures=0,
+            tables=1,
             scenes=("strategy_a", "strategy_b", "cell_delivery"),
         ),
         Item(
@@ -35,12 +35,16 @@ ITEMS: dict[str, Item] = {
             title="Force curves and their fits",
             about="eq. 1 with the release's constants, beside fits of exact forces, axial and radial",
             run=run_of("force_curves"),
+            figures=1,
+            tables=3,
         ),
         Item(
             name="strategy_a",
             title="Motion fidelity, strategy A",
             about="tilt θ against trap spacing d*, two equal traps; RMSE 3.31°, MAE 2.71°",
             run=run_of("strategy_a"),
+            figures=1,
+            tables=2,
             scenes=("strategy_a",),
         ),
         Item(
@@ -48,6 +52,8 @@ ITEMS: dict[str, Item] = {
             title="Motion fidelity, strategy B",
             about="tilt θ against trap spacing d* at power distribution m = 1.5; RMSE 1.54°, MAE 1.29°",
             run=run_of("strategy_b"),
+            figures=1,
+            tables=2,
             scenes=("strategy_b",),
         ),
         Item(
@@ -55,12 +61,16 @@ ITEMS: dict[str, Item] = {
             title="Accuracy of the rendered force",
             about="rendered against model force, axial and radial: MSE, RMSE, R² 0.9525 and 0.9268",
             run=run_of("rendering"),
+            figures=1,
+            tables=3,
         ),
         Item(
             name="delivery",
             title="Cell delivery: trajectories, contact force, distance",
             about="contact force 2.57 ± 3.18 pN, distance 0.02 ± 0.026, warning lines 10 pN and 0.2",
             run=run_of("delivery"),
+            figures=2,
+            tables=2,
             scenes=("cell_delivery",),
         ),
         Item(
@@ -68,6 +78,8 @@ ITEMS: dict[str, Item] = {
             title="The user study, with simulated operators",
             about="deliveries 8 of 10 with haptics, 3 of 10 without: simulated operators under both conditions",
             run=run_of("user_study"),
+            figures=1,
+            tables=3,
             scenes=("cell_delivery",),
         ),
         Item(
@@ -75,6 +87,8 @@ ITEMS: dict[str, Item] = {
             title="Pose and depth networks",
             about="accuracy, F1 and depth RMSE of VGG16, ResNet18 and ResNet50",
             run=run_of("networks"),
+            figures=2,
+            tables=3,
             scenes=("strategy_b",),
         ),
         Item(
@@ -82,35 +96,17 @@ ITEMS: dict[str, Item] = {
             title="The signal chain",
             about="stiffest springs 414, 10.3 and 1.4 N/m, filters, latency",
             run=run_of("chain"),
+            figures=1,
+            tables=2,
         ),
         Item(
             name="contract",
             title="The middleware contract",
             about="topics, types, rates and pairings of the release",
             run=run_of("contract"),
+            figures=0,
+            tables=2,
         ),
     )
 }
 """By name."""
-
-
-def chosen(names: Sequence[str]) -> list[Item]:
-    """Items by name, each once, in the report's order; all of them for none.
-
-    Raises:
-        InputError: An unknown name; for a figure's or table's number the message says what each item shows.
-    """
-    for name in names:
-        if name not in ITEMS:
-            raise InputError(f"--only is {name}; allowed{_offered(name)}")
-    return [item for name, item in ITEMS.items() if not names or name in names]
-
-
-def _offered(name: str) -> str:
-    """The items, for somebody who asked for another one."""
-    if any(letter.isdigit() for letter in name):
-        # numbers are not taken: the facts of the paper that this package was written from hold none
-        shown = ", ".join(f"{known} ({item.title})" for known, item in ITEMS.items())
-        return f", by name and not by the paper's numbers: {shown}"
-    near = difflib.get_close_matches(name, ITEMS, n=1, cutoff=0.4)
-    return f": {', '.join(ITEMS)}" + (f"; did you mean {near[0]}?" if near else "")

@@ -14,6 +14,7 @@ from pathlib import Path
 from otwarp import __version__
 from otwarp.files import written
 from otwarp.reproduce.item import GRADES, Comparison, Table
+from otwarp.reproduce.numbering import FIGURES, PAIR, TABLES, numbers_said
 from otwarp.reproduce.parts import Part, by_machine, how_long, where
 from otwarp.reproduce.registry import ITEMS
 from otwarp.reproduce.sheet import SHEET
@@ -27,7 +28,7 @@ PAPER = (
 LEDE = f"""Every table and figure of {PAPER}, ours beside theirs. What is theirs is <span
 class="theirs">vermilion</span>, what is ours <span class="ours">blue</span>; a badge says how well a figure of theirs
 is known. SE is a standard error, brackets hold 95 % intervals, ± after a mean is the spread of what it is the mean
-of."""
+of. Figures and tables have numbers of this report, which are not the paper's."""
 
 PAGE = """<!doctype html>
 <html lang="en">
@@ -141,10 +142,12 @@ def section(one: Done) -> str:
     """An item that is done."""
     found = one.result
     figures = "".join(
-        f'<figure><img alt="{plain(f.caption)}" src="{_embedded(one.folder / f.file)}">'
-        f"<figcaption>{text(f.caption)}</figcaption></figure>"
-        for f in found.figures
+        f'<figure id="fig{n}"><img alt="{plain(f.caption)}" src="{_embedded(one.folder / f.file)}">'
+        f"<figcaption><b>Figure {n}.</b> {text(f.caption)}</figcaption></figure>"
+        for n, f in zip(FIGURES[one.name], found.figures, strict=True)
     )
+    first, *others = TABLES[one.name]
+    tables = "".join(table(t, n) for n, t in zip(others, found.tables, strict=True))
     facts = {**found.computed, "device": one.device, "time": how_long(one.parts), "machine": where(one.parts),
              "code": one.code.said()}  # fmt: skip
     computed = "".join(f"<dt>{text(key)}</dt><dd>{text(value)}</dd>" for key, value in facts.items())
@@ -153,12 +156,12 @@ def section(one: Done) -> str:
     return f"""<section id="{one.name}">
 <h2>{text(one.title)}</h2>
 <p class="about">{text(one.about)}</p>
-{comparisons(found.comparisons)}
+{comparisons(found.comparisons, first)}
 {figures}
 <div class="words"><div><h3>What is compared</h3><p>{text(found.definition)}</p></div>
 <div><h3>Why they differ</h3><p>{text(found.difference)}</p></div></div>
 {f'<div class="limits"><h3>What cannot be compared</h3><ul>{limits}</ul></div>' if limits else ""}
-{"".join(map(table, found.tables))}
+{tables}
 <details><summary>How it was computed</summary><dl class="facts">{computed}</dl>
 {f"<ul>{files}</ul>" if files else ""}</details>
 </section>"""
@@ -222,13 +225,15 @@ def absent(name: str, title: str, about: str, why: str) -> str:
     """An item that is not there."""
     said = f"Not computed: {text(why)}." if why else "Not computed yet."
     return f"""<section id="{name}" class="absent"><h2>{text(title)}</h2><p class="about">{text(about)}</p>
-<p class="missing">{said} <code>otwarp reproduce --out … --only {name}</code> computes it.</p></section>"""
+<p class="missing">{said} <code>otwarp reproduce --out … --only {name}</code> computes {numbers_said(name)}.</p>
+</section>"""
 
 
-def comparisons(rows: Sequence[Comparison]) -> str:
-    """Theirs and ours, side by side."""
+def comparisons(rows: Sequence[Comparison], number: int) -> str:
+    """Theirs and ours, side by side, as the table of that number."""
     lines = [f"<tr>{''.join(_cells(row))}</tr>" for row in rows]
-    return ('<div class="scroll"><table class="pair"><thead><tr><th></th><th class="theirs">paper</th>'
+    return (f'<h3 id="table{number}">Table {number}. {PAIR}</h3>'
+            '<div class="scroll"><table class="pair"><thead><tr><th></th><th class="theirs">paper</th>'
             '<th class="ours">otwarp</th><th></th></tr></thead>'
             f"<tbody>{''.join(lines)}</tbody></table></div>")  # fmt: skip
 
@@ -244,15 +249,16 @@ def _cells(row: Comparison) -> tuple[str, ...]:
     )
 
 
-def table(one: Table) -> str:
-    """Another table."""
+def table(one: Table, number: int | None = None) -> str:
+    """Another table, which has a number if it is an item's."""
+    named = "<h3>" if number is None else f'<h3 id="table{number}">Table {number}. '
     head = "".join(f"<th>{text(cell)}</th>" for cell in one.head)
     body = "".join(
         f'<tr><th scope="row">{text(row[0])}</th>{"".join(f"<td>{text(cell)}</td>" for cell in row[1:])}</tr>'
         for row in one.rows
     )
     note = f'<p class="note">{text(one.note)}</p>' if one.note else ""
-    return (f'<h3>{text(one.title)}</h3><div class="scroll"><table class="more"><thead><tr>{head}</tr></thead>'
+    return (f'{named}{text(one.title)}</h3><div class="scroll"><table class="more"><thead><tr>{head}</tr></thead>'
             f"<tbody>{body}</tbody></table></div>{note}")  # fmt: skip
 
 

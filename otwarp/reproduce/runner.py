@@ -12,8 +12,9 @@ from otwarp.errors import InputError
 from otwarp.files import claimed
 from otwarp.reproduce.code import code_here
 from otwarp.reproduce.item import Item, Request, Unavailable, scene_file
+from otwarp.reproduce.numbering import chosen
 from otwarp.reproduce.parts import PARTS, Part, check_code, read_parts, timed
-from otwarp.reproduce.registry import ITEMS, chosen
+from otwarp.reproduce.registry import ITEMS
 from otwarp.reproduce.report import write_report
 from otwarp.reproduce.store import Done, Store, open_store, read_head
 
@@ -49,7 +50,7 @@ def reproduce(
 
     Args:
         out: Folder of the report; see `otwarp.reproduce.store`.
-        names: Of the items; none for all.
+        names: Of the items, or `fig6`, `table2` for those of the report with these numbers; none for all.
         quick: In minutes on two cores, with fewer trials; the report says how many.
         device: cpu, cuda:0, …; None for the best there is.
         scenes: Folder of the shipped scenes.
@@ -102,7 +103,10 @@ def _compute(
     with timed(work / PARTS, before, part) as parts, store.making(item, parts) as (folder, found):
         request = Request(quick=store.quick, device=device, scenes=scenes, seed=store.seed, folder=folder,
                           work=work, say=lambda line: say(f"{item.name}: {line}"))  # fmt: skip
-        found.append(item.run(request))
+        result = item.run(request)
+        shown = len(result.figures), 1 + len(result.tables)
+        assert shown == (item.figures, item.tables), f"{item.name} has {shown} figures and tables: numbers would shift"
+        found.append(result)
     store.tidy(item.name)
 
 
