@@ -19,10 +19,10 @@ SCALE = 20.0
 def from_scene(scene: Scene | str | Path, **changes: Any) -> Task:
     """The task that a scene's goal sets: bring its cell there, with the hands that its traps name.
 
-    Observed are the ways from the cell to the goal and to each robot, velocities, and for each hand what its first trap
-    pulls by. An episode ends with `reached`, the cell within the goal's tolerance, which is success; with `lost`, a
-    robot out of its trap; and, of two robots, with `left_behind`, a cell far from their middle. Running into an
-    obstacle ends nothing.
+    Observed are the ways from the cell to the goal and to each robot that is not the cell itself, velocities, and for
+    each hand what its first trap pulls by. An episode ends with `reached`, the cell within the goal's tolerance, which
+    is success; with `lost`, a robot out of its trap; and, of two robots, with `left_behind`, a cell far from their
+    middle. Running into an obstacle ends nothing.
 
     Args:
         scene: With an `OtGoalAPI`, and traps that name a hand; or its file.
@@ -99,7 +99,9 @@ def _observed(scene: Scene, hands: list[Hand]) -> list[Term]:
         t.body_velocity(body=goal.cell, name="cell_velocity"),
         t.gap(body=goal.cell, name="cell_gap"),
     ]
-    for robot in goal.robots:
+    for robot in (
+        name for name in goal.robots if name != goal.cell
+    ):  # a robot that is to get there itself is seen above
         short = robot.rsplit("/", 1)[-1]
         seen += [
             t.body_offset(body=goal.cell, other=robot, scale=SCALE, name=f"{short}_offset"),

@@ -22,6 +22,9 @@ TIMES = "times.csv"
 FEW_BITS = 12
 """Of cameras that leave the highest bits of 16 empty: of levels below these the highest 8 bits hold 16 at most."""
 
+ABOUT = "a folder of images, a TIFF, .npy or video"
+"""What it plays."""
+
 VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".webm")
 
 
@@ -93,6 +96,8 @@ class FileCamera:
     def open(self) -> None:
         """See `Camera`."""
         self._images.clear()
+        if not self._where.exists():  # before its ending is judged, which a folder does not have
+            raise InputError(f"{self._where}: there is no such file or folder; allowed: {ABOUT}")
         if self._where.is_dir():
             names = sorted(p for p in self._where.iterdir() if p.suffix.lower() in READ)
             self._images.extend(names)

@@ -8,7 +8,7 @@ from typing import Any
 
 from otwarp.errors import InputError
 from otwarp.perception.camera import Camera
-from otwarp.perception.files import FileCamera
+from otwarp.perception.files import ABOUT, FileCamera
 from otwarp.perception.genicam import GenicamCamera
 from otwarp.perception.opencv import DeviceCamera
 from otwarp.perception.topics import TopicCamera
@@ -33,7 +33,7 @@ KINDS: dict[str, Kind] = {
     "files": Kind(
         FileCamera,
         {"rate": float, "loop": int, "shift": float, "bits": int},
-        "a folder of images, a TIFF, .npy or video",
+        ABOUT,
     ),
     "v4l2": Kind(DeviceCamera, {"rate": float, "exposure": float}, "a video device, through OpenCV"),
     "genicam": Kind(GenicamCamera, {"rate": float, "exposure": float, "cti": str}, "GenICam, through harvesters"),

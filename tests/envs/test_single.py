@@ -233,6 +233,13 @@ def test_a_scene_with_a_goal_is_an_environment_for_two_hands(device):
     refused(lambda: env.step({"left": acted["left"]}), "actions of left; allowed: of left, right")
 
 
+def test_a_robot_that_is_to_reach_the_goal_itself_is_seen_once():
+    """The way from it to itself would be 0, its velocity and gap those of the cell again."""
+    names = [term.name for term in from_scene("scenes/navigate.usda").observations]
+    assert names == ["goal_offset", "cell_velocity", "cell_gap", "left_trap_offset"]
+    assert "robot_offset" in [term.name for term in from_scene("scenes/push.usda").observations]
+
+
 def test_pictures_show_what_moves(device):
     env = Env(from_scene(TWO_HANDS), device=device, render_mode="rgb_array")
     env.reset(seed=1)

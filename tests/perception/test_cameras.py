@@ -207,7 +207,8 @@ def test_what_no_camera_is_called(spec, said):
 def test_what_cannot_be_opened(tmp_path):
     (tmp_path / "none").mkdir()
     for where, said in ((tmp_path / "none", "holds no image"), (tmp_path / "absent.tif", "there is no such file"),
-                        (tmp_path / "absent.mp4", "there is no such file")):  # fmt: skip
+                        (tmp_path / "absent.mp4", "there is no such file"),
+                        (tmp_path / "absent", "absent: there is no such file or folder; allowed: a fol")):  # fmt: skip
         with pytest.raises(InputError, match=said):
             make_camera(f"files:{where}").open()
 
