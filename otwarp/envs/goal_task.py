@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -99,13 +100,21 @@ def _observed(scene: Scene, hands: list[Hand]) -> list[Term]:
         t.body_velocity(body=goal.cell, name="cell_velocity"),
         t.gap(body=goal.cell, name="cell_gap"),
     ]
-    for robot in (
-        name for name in goal.robots if name != goal.cell
-    ):  # a robot that is to get there itself is seen above
-        short = robot.rsplit("/", 1)[-1]
+    # a robot that is to get there itself is the cell, which is seen above
+    for robot, short in _short_names([name for name in goal.robots if name != goal.cell]).items():
         seen += [
             t.body_offset(body=goal.cell, other=robot, scale=SCALE, name=f"{short}_offset"),
             t.body_velocity(body=robot, name=f"{short}_velocity"),
             t.gap(body=robot, name=f"{short}_gap"),
         ]
     return seen + [t.trap_offset(trap=hand.traps[0], name=f"{hand.name}_trap_offset") for hand in hands]
+
+
+def _short_names(prims: Sequence[str]) -> dict[str, str]:
+    """Prim paths → the fewest last parts of each that tell them all apart, and none from the cell."""
+    parts = [prim.strip("/").split("/") for prim in prims]
+    for count in range(1, max(map(len, parts), default=0) + 1):
+        shorts = ["_".join(part[-count:]) for part in parts]
+        if len({*shorts, "cell"}) > len(shorts):
+            return dict(zip(prims, shorts, strict=True))
+    return {prim: f"robot_{n}" for n, prim in enumerate(prims, 1)}

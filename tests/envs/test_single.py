@@ -240,6 +240,20 @@ def test_a_robot_that_is_to_reach_the_goal_itself_is_seen_once():
     assert "robot_offset" in [term.name for term in from_scene("scenes/push.usda").observations]
 
 
+def test_robots_of_the_same_name_in_different_places_are_told_apart():
+    """Scenes are often made of two references to one robot: /World/left/robot and /World/right/robot."""
+    scene = Scene.load(TWO_HANDS)
+    assert scene.goal is not None
+    for robots, names in (
+        (("/World/left/robot", "/World/right/robot"), ("left_robot", "right_robot")),
+        (("/World/cell/cell", "/World/b"), ("cell_cell", "World_b")),
+        (("/cell", "/World/a"), ("robot_1", "robot_2")),
+    ):
+        goal = dataclasses.replace(scene.goal, robots=robots)
+        seen = [term.name for term in from_scene(dataclasses.replace(scene, goal=goal)).observations]
+        assert [name for name in seen if name.endswith("_offset")][1:3] == [f"{name}_offset" for name in names]
+
+
 def test_pictures_show_what_moves(device):
     env = Env(from_scene(TWO_HANDS), device=device, render_mode="rgb_array")
     env.reset(seed=1)
