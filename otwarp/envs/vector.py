@@ -39,7 +39,7 @@ class VectorEnv(GymnasiumVectorEnv):
         device: `"cpu"`, `"cuda:0"`, … or None for the best available.
         arrays: `numpy`, arrays of the caller's own; or `torch`, tensors on the memory of the environments, which the
             next call overwrites.
-        autoreset_mode: One of `gymnasium.vector.AutoresetMode`, or its value.
+        autoreset_mode: One of `gymnasium.vector.AutoresetMode`, its value or its name.
         render_mode: `rgb_array` for pictures of `render_envs` by the preview, or None.
         render_envs: Indices of the environments that are drawn.
 
@@ -59,11 +59,7 @@ class VectorEnv(GymnasiumVectorEnv):
         render_envs: Sequence[int] = (0,),
     ):
         check_task(task)
-        try:
-            mode = AutoresetMode(autoreset_mode)
-        except ValueError:
-            allowed = ", ".join(m.value for m in AutoresetMode)
-            raise InputError(f"autoreset_mode is {autoreset_mode!r}; allowed: {allowed}") from None
+        mode = read_mode(autoreset_mode)
         if render_mode not in (None, "rgb_array"):
             raise InputError(f"render_mode is {render_mode!r}; allowed: rgb_array, or None")
         self._read = reader(arrays)
@@ -200,6 +196,20 @@ class VectorEnv(GymnasiumVectorEnv):
     def render(self) -> tuple[np.ndarray, ...] | None:
         """(height, width, 3) pictures of `render_envs`; None without a render mode."""
         return None if self._picture is None else tuple(self._picture.draw(n) for n in self._drawn)
+
+
+def read_mode(mode: AutoresetMode | str) -> AutoresetMode:
+    """A mode of Gymnasium by itself, its value such as `NextStep`, or its name such as `NEXT_STEP`.
+
+    Raises:
+        InputError: It is none.
+    """
+    try:
+        named = isinstance(mode, str) and mode in AutoresetMode.__members__
+        return AutoresetMode[mode] if named else AutoresetMode(mode)
+    except ValueError:
+        allowed = ", ".join(m.value for m in AutoresetMode)
+        raise InputError(f"autoreset_mode is {mode!r}; allowed: {allowed}") from None
 
 
 def drawn(render_envs: Any, num_envs: int) -> tuple[int, ...]:

@@ -12,12 +12,14 @@ pytest.importorskip("gymnasium")
 import gymnasium
 from gymnasium.utils.env_checker import check_env
 from gymnasium.utils.env_match import check_environments_match
+from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import OrderEnforcing
 
 from otwarp.envs import Env, VectorEnv, from_scene
 from otwarp.envs.describe import described
 from otwarp.envs.registration import TASKS, task_of
 from otwarp.envs.rollout import policy_of, run_policy
+from otwarp.envs.vector import read_mode
 from otwarp.errors import InputError
 from otwarp.scene import Scene
 from tests.envs.bead_task import task as bead_task
@@ -138,6 +140,14 @@ def test_bad_actions_are_refused_and_change_nothing(device):
 )
 def test_bad_arguments_are_told_in_one_line(call, said):
     refused(call, said)
+
+
+def test_modes_go_by_their_names_as_well():
+    """Gymnasium writes AutoresetMode.NEXT_STEP, whose value is NextStep."""
+    for mode in AutoresetMode:
+        assert read_mode(mode) is read_mode(mode.value) is read_mode(mode.name) is mode
+    for wrong in ("next_step", "", None, 1):
+        refused(lambda wrong=wrong: read_mode(wrong), f"autoreset_mode is {wrong!r}; allowed: NextStep, SameStep, Dis")
 
 
 def test_a_seed_may_be_an_array_of_no_dimension(device):
