@@ -1,6 +1,6 @@
 """PPO of rsl_rl in the environments of otwarp: `python examples/train_rsl_rl.py otwarp/Navigate-v0 40`.
 
-You see what its runner reports of each rollout.
+You see in how many environments the last episode succeeded. Its runner reports each rollout if given a `log_dir`.
 """
 
 from __future__ import annotations
@@ -39,4 +39,5 @@ if __name__ == "__main__":
     parser.add_argument("rollouts", nargs="?", type=int, default=40)
     args = parser.parse_args()
     with in_one_line("train_rsl_rl"):
-        train(args.env, args.rollouts)
+        env = train(args.env, args.rollouts).env
+        print(f"the last episode succeeded in {int(env.succeeded.sum())} of {env.num_envs} environments")

@@ -1,6 +1,6 @@
 """PPO of skrl in the environments of otwarp: `python examples/train_skrl.py otwarp/Navigate-v0 2000`.
 
-You see its progress; checkpoints are not written.
+You see its progress, and in how many environments the last episode succeeded; checkpoints are not written.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def layers(seen: int, out: int) -> nn.Sequential:
     return nn.Sequential(nn.Linear(seen, 64), nn.Tanh(), nn.Linear(64, 64), nn.Tanh(), nn.Linear(64, out))
 
 
-def train(name: str, steps: int, envs: int = 64, rollout: int = 64) -> PPO:
+def train(name: str, steps: int, envs: int = 64, rollout: int = 64) -> tuple[PPO, SkrlEnv]:
     """Train for some steps of each environment."""
     env = SkrlEnv(VectorEnv(task_of(name), envs, device="cpu", arrays="torch", autoreset_mode="SameStep"), seed=0)
     agent = PPO(
@@ -71,7 +71,7 @@ def train(name: str, steps: int, envs: int = 64, rollout: int = 64) -> PPO:
         ),
     )
     SequentialTrainer(env=env, agents=agent, cfg={"timesteps": steps, "headless": True}).train()
-    return agent
+    return agent, env
 
 
 if __name__ == "__main__":
@@ -80,4 +80,6 @@ if __name__ == "__main__":
     parser.add_argument("steps", nargs="?", type=int, default=2000)
     args = parser.parse_args()
     with in_one_line("train_skrl"):
-        train(args.env, args.steps)
+        _, trained = train(args.env, args.steps)
+        won = int(trained.succeeded.sum())
+        print(f"the last episode succeeded in {won} of {trained.num_envs} environments")

@@ -177,6 +177,16 @@ def test_training_of_an_unknown_environment_is_refused_in_one_line(library: str,
     assert done.stderr.splitlines()[-1].startswith(f"train_{library}: environment 'otwarp/Nope-v0' is unknown; allowed")
 
 
+@pytest.mark.thorough
+@pytest.mark.parametrize("library, package, steps", [("skrl", "skrl", "2"), ("rsl_rl", "rsl_rl", "1")])
+def test_training_says_how_many_succeeded(library: str, package: str, steps: str):
+    pytest.importorskip(package, reason="pip install 'otwarp[learning]'")
+    file = EXAMPLES / f"train_{library}.py"
+    done = subprocess.run([sys.executable, file, "otwarp/Navigate-v0", steps], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "the last episode succeeded in 0 of 64 environments" in done.stdout.splitlines()[-1]
+
+
 def test_train_sb3():
     pytest.importorskip("stable_baselines3", reason="pip install 'otwarp[learning]'")
     model = import_module("examples.train_sb3").train("otwarp/Navigate-v0", 512, envs=16, rollout=16)
@@ -185,8 +195,8 @@ def test_train_sb3():
 
 def test_train_skrl(monkeypatch, tmp_path: Path):
     pytest.importorskip("skrl", reason="pip install 'otwarp[learning]'")
-    agent = import_module("examples.train_skrl").train("otwarp/Navigate-v0", 32, envs=16, rollout=16)
-    assert agent.memory.filled
+    agent, env = import_module("examples.train_skrl").train("otwarp/Navigate-v0", 32, envs=16, rollout=16)
+    assert agent.memory.filled and env.succeeded.shape == (16,)
 
 
 def test_train_rsl_rl():

@@ -205,8 +205,7 @@ def read_mode(mode: AutoresetMode | str) -> AutoresetMode:
         InputError: It is none.
     """
     try:
-        named = isinstance(mode, str) and mode in AutoresetMode.__members__
-        return AutoresetMode[mode] if named else AutoresetMode(mode)
+        return AutoresetMode(AutoresetMode.__members__.get(mode, mode) if isinstance(mode, str) else mode)
     except ValueError:
         allowed = ", ".join(m.value for m in AutoresetMode)
         raise InputError(f"autoreset_mode is {mode!r}; allowed: {allowed}") from None

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+from importlib import import_module
+
 import numpy as np
 import pytest
 
@@ -9,6 +12,7 @@ pytest.importorskip("gymnasium", reason="pip install 'otwarp[envs]'")
 
 from otwarp.envs import VectorEnv, task_of
 from otwarp.errors import InputError
+from tests.envs.bead_task import task as bead_task
 
 SHORT = 0.5
 """After which an episode is cut off [s]: in the tenth period."""
@@ -89,6 +93,28 @@ def test_rsl_rl(device):
     assert torch.equal(seen["policy"], env.get_observations()["policy"])
     with pytest.raises(InputError, match="allowed"):
         RslRlVecEnv(envs("numpy", device))
+
+
+@pytest.mark.parametrize("name", ["skrl", "rsl_rl"])
+def test_who_succeeded_last_is_kept(name, device):
+    """A goal where the robots are is reached in the first period, by those whose episodes are not lost before."""
+    torch = pytest.importorskip("torch")
+    pytest.importorskip(name, reason="pip install 'otwarp[learning]'")
+    task = bead_task()
+    start = task.load().bodies[0].position
+    near = dataclasses.replace(task, goal=start, goal_half=(0.0, 0.0, 0.0), shifts=())
+    far = dataclasses.replace(task, time_limit=0.1, shifts=())
+    adapter = getattr(import_module(f"otwarp.envs.adapters.{name}"), "SkrlEnv" if name == "skrl" else "RslRlVecEnv")
+    for one, wanted, periods in ((near, True, 1), (far, False, 2)):
+        env = adapter(VectorEnv(one, 2, device=device, arrays="torch", autoreset_mode="SameStep"), seed=1)
+        env.reset() if name == "skrl" else env.get_observations()
+        for _ in range(periods):
+            assert not env.succeeded.any()
+            env.step(torch.zeros(2, 2, device=device))
+        assert env.succeeded.tolist() == [wanted] * 2
+    kept = env.succeeded
+    env.step(torch.zeros(2, 2, device=device))
+    assert torch.equal(env.succeeded, kept)
 
 
 def seeing(kind, device):

@@ -22,6 +22,9 @@ class RslRlVecEnv(VecEnv):
         envs: With `arrays="torch"` and `autoreset_mode="SameStep"`, whose actions are numbers.
         seed: Of the first reset.
 
+    Attributes:
+        succeeded: (N) bool, whether the last episode of each environment that is over succeeded.
+
     Raises:
         InputError: They are made otherwise.
     """
@@ -38,6 +41,7 @@ class RslRlVecEnv(VecEnv):
         self.max_episode_length = max(1, round(base.task.time_limit * base.task.rate))
         self.device = torch.device(str(base.device))
         self.episode_length_buf = torch.zeros(self.num_envs, dtype=torch.long, device=self.device)
+        self.succeeded = torch.zeros(self.num_envs, dtype=torch.bool, device=self.device)
         self._seen = self._groups(envs.reset(seed=seed)[0])
 
     def _groups(self, seen: Any) -> dict[str, torch.Tensor]:
@@ -60,7 +64,8 @@ class RslRlVecEnv(VecEnv):
         over = terminated | truncated
         self._seen = self._groups(seen)
         self.episode_length_buf = torch.where(over, 0, self.episode_length_buf + 1)
+        self.succeeded = torch.where(over, info["success"].bool(), self.succeeded)
         extras: dict[str, Any] = {"time_outs": truncated & ~terminated, "log": {}}
         if bool(over.any()):
-            extras["log"]["/success"] = torch.as_tensor(info["success"], device=self.device)[over].float().mean()
+            extras["log"]["/success"] = self.succeeded[over].float().mean()
         return self.get_observations(), reward.clone(), over.long(), extras

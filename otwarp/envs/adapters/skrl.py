@@ -21,6 +21,9 @@ class SkrlEnv(Wrapper):
         envs: With `arrays="torch"` and `autoreset_mode="SameStep"`.
         seed: Of the first reset.
 
+    Attributes:
+        succeeded: (N) bool, whether the last episode of each environment that is over succeeded.
+
     Raises:
         InputError: They are made otherwise.
     """
@@ -31,6 +34,7 @@ class SkrlEnv(Wrapper):
         super().__init__(envs)
         self.envs, self._first = envs, seed
         self._seen: torch.Tensor | None = None
+        self.succeeded = torch.zeros(envs.num_envs, dtype=torch.bool, device=self.device)
 
     @property
     def device(self) -> torch.device:
@@ -64,6 +68,7 @@ class SkrlEnv(Wrapper):
         """One period: observations (N, size of the space), rewards, terminated and truncated (N, 1)."""
         given = actions.flatten() if hasattr(self.action_space, "n") else actions
         seen, reward, terminated, truncated, info = self.envs.step(given)
+        self.succeeded = torch.where(terminated | truncated, info["success"].bool(), self.succeeded)
         flat = self._seen = self._flat(seen)
         return flat, reward.clone()[:, None], terminated[:, None].clone(), truncated[:, None].clone(), info
 
