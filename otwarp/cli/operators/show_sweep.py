@@ -26,8 +26,8 @@ COLUMNS = {
 """Columns of the table: heading, form, factor."""
 WORDS = {AS_GOOD: "as good", WORSE: "fewer", WORSE_THAN_NONE: "fewer than without", UNTOLD: "not told"}
 """Verdicts in a column."""
-ROWS = 60
-"""Cells that are printed, at most."""
+ROWS = 100
+"""Cells that are printed, at most: a map of 11 delays and 7 errors has 77."""
 
 
 def print_sweep(found: Maps, *, as_json: bool) -> None:

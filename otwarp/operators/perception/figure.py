@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -34,6 +35,8 @@ DEPTH_RANGE = 20.0
 """Length of such a sweep [µm]: assumed, the paper does not say it; related work sweeps ±10 µm."""
 CLOSE = 0.12
 """Lines of networks nearer than this, in rows of the map, share a label."""
+LETTER, GAP, WIDTH, HIGH = 0.09, 0.08, 3.7, 24
+"""Width of a letter in labels of ticks, of what is free between two, of a panel [inches]; labels one above another."""
 LINES: dict[str, tuple[str, Literal["-", "--"], Literal["o", "x"]]] = {
     "perfect": ("as good as no error", "-", "o"),
     "without": ("worse than no haptics", "--", "x"),
@@ -62,6 +65,12 @@ def draw_maps(
     wide = [name for name, values in found.axes.items() if len(values) > 1]
     if not wide:
         raise InputError("--plot of a single cell; allowed: a sweep over one axis or more, or no --plot")
+    save_picture(drawn_maps(found, wide, networks or {}, depth_range), file)
+    return file
+
+
+def drawn_maps(found: Maps, wide: list[str], networks: Mapping[str, float], depth_range: float) -> Any:
+    """The figure of `draw_maps`, over the first two of the axes `wide`, or the only one."""
     from matplotlib.figure import Figure
 
     panels = [name for name in PANELS if name in found.maps]
@@ -75,12 +84,11 @@ def draw_maps(
         else:
             _map(axis, found, name, wide[0], wide[1])
             if wide[1] == "depth_error":
-                _mark_networks(axis, found, networks or {}, depth_range, last=axis is axes[len(panels) - 1])
+                _mark_networks(axis, found, networks, depth_range, last=axis is axes[len(panels) - 1])
     rest = {n: v[len(v) // 2] for n, v in found.axes.items() if n not in wide[:2] and (len(v) > 1 or n == "frame_rate")}
     said = "".join(f", {LABELS[n][0]} {v * LABELS[n][1]:g}" for n, v in rest.items())
     figure.suptitle(f"{found.operators:,} simulated operators in every cell, the same in all{said}", fontsize=10)
-    save_picture(figure, file)
-    return file
+    return figure
 
 
 def _plane(found: Maps, name: str, wide: list[str]) -> np.ndarray:
@@ -89,18 +97,23 @@ def _plane(found: Maps, name: str, wide: list[str]) -> np.ndarray:
     return found.maps[name][at]
 
 
-def _ticks(found: Maps, name: str) -> tuple[list[int], list[str]]:
-    values = found.axes[name] * LABELS[name][1]
-    return list(range(len(values))), [f"{v:g}" for v in values]
+def _ticks(found: Maps, name: str, *, across: bool) -> tuple[list[int], list[str]]:
+    """Places of the values along an axis of a map, and what they are called: as many as can be read."""
+    names = [f"{v:g}" for v in found.axes[name] * LABELS[name][1]]
+    wide = sum(LETTER * len(said) + GAP for said in names) / WIDTH if across else len(names) / HIGH
+    step = max(1, math.ceil(wide))
+    return list(range(0, len(names), step)), names[::step]
 
 
 def _map(axis: Any, found: Maps, name: str, across: str, up: str) -> None:
     """A number over two axes, with the contours of what it is compared with."""
     plane = _plane(found, name, [across, up]).T
     drawn = axis.imshow(plane, origin="lower", aspect="auto", cmap="viridis", interpolation="nearest")
+    if name == "success" and np.ptp(plane) == 0.0:
+        drawn.set_clim(0.0, 1.0)  # about a single value there would be shares below 0 or above 1
     axis.figure.colorbar(drawn, ax=axis, label=PANELS[name] + ", simulated")
-    axis.set_xticks(*_ticks(found, across))
-    axis.set_yticks(*_ticks(found, up))
+    axis.set_xticks(*_ticks(found, across, across=True))
+    axis.set_yticks(*_ticks(found, up, across=False))
     axis.set(xlabel=LABELS[across][0], ylabel=LABELS[up][0])
     if name in COMPARED:
         _contours(axis, found, name, across, up)
@@ -127,7 +140,10 @@ def where_it_is(inside: np.ndarray, other: str, operators: int) -> str:
 
 
 def _contours(axis: Any, found: Maps, name: str, across: str, up: str) -> None:
-    """Marks in cells that are as good or worse, lines around these; the legend says where it is all or none."""
+    """Marks in cells that are as good or worse, lines around these; the legend says where it is all or none.
+
+    Its rows stand one above the other: beside each other they are wider than a panel, which shrinks to make room.
+    """
     from matplotlib.lines import Line2D
 
     handles = []
@@ -145,8 +161,7 @@ def _contours(axis: Any, found: Maps, name: str, across: str, up: str) -> None:
         where = where_it_is(inside, other, found.operators)
         handles.append(Line2D([], [], color=color, linestyle=style, marker=mark, ms=4, label=meaning + margin + where))
     axis.legend(
-        handles=handles, fontsize=7, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, facecolor="0.35",
-        labelcolor="white",
+        handles=handles, fontsize=7, loc="lower left", bbox_to_anchor=(0.0, 1.0), facecolor="0.35", labelcolor="white",
     )  # fmt: skip
 
 

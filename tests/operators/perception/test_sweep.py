@@ -1,5 +1,6 @@
 """Sweeps: which trials there are, folders that go on, maps and what they are compared with, the command line."""
 
+import itertools
 import json
 from typing import Any
 
@@ -11,9 +12,9 @@ from otwarp.cli.main import cli
 from otwarp.errors import InputError
 from otwarp.operators.folder import open_folder
 from otwarp.operators.perception.errors import Perception
-from otwarp.operators.perception.figure import draw_maps, where_it_is
+from otwarp.operators.perception.figure import PANELS, draw_maps, drawn_maps, where_it_is
 from otwarp.operators.perception.folder import probes_of, run_sweep
-from otwarp.operators.perception.summary import AS_GOOD, MARGIN, UNTOLD, as_good, maps_of, verdict
+from otwarp.operators.perception.summary import AS_GOOD, MARGIN, UNTOLD, Maps, as_good, maps_of, verdict
 from otwarp.operators.perception.sweep import Sweep
 from otwarp.operators.statistics import risk_difference
 from tests.operators.work import study
@@ -170,6 +171,40 @@ def test_any_two_axes_make_a_map(axes, tmp_path):
     assert draw_maps(found, tmp_path / "map.png").stat().st_size > 10_000
     errors = np.squeeze(found.maps["force_rmse_pn"])
     assert errors.shape == (2, 2) and np.unique(errors).size == 4
+
+
+def made_up(delays: int, errors: int) -> Maps:
+    """Maps over so many delays and depth errors, of operators who deliver nowhere and show little."""
+    axes = {"delay": np.arange(delays) * 0.05, "depth_error": np.arange(errors) * 0.05}
+    shape = (delays, errors)
+    maps = {name: np.random.default_rng(1).normal(size=shape) for name in PANELS} | {"success": np.zeros(shape)}
+    for name in ("success", "contact_mean"):
+        for other in ("perfect", "without"):
+            maps |= {
+                f"{name}_minus_{other}_low": np.full(shape, -9.0),
+                f"{name}_minus_{other}_high": np.full(shape, 9.0),
+            }
+    return Maps(axes, maps, {}, 16_384, {})
+
+
+@pytest.mark.parametrize(("delays", "errors"), [(11, 7), (101, 61), (2, 2)])
+def test_a_map_has_room_and_its_labels_can_be_read(delays, errors):
+    """Of `--delay 0:500:50 --depth-error 0:0.3:0.05`, of many more cells, and of few, with the longest of legends."""
+    found = made_up(delays, errors)
+    figure = drawn_maps(found, ["delay", "depth_error"], {"small": 0.03}, 20.0)
+    figure.draw_without_rendering()
+    whole = figure.bbox
+    maps, bars = figure.axes[:4], figure.axes[4:]
+    for axis in maps:
+        box = axis.get_window_extent()
+        assert box.width > 0.3 * whole.width and box.height > 0.35 * whole.height
+        for labels, side in ((axis.get_xticklabels(), 0), (axis.get_yticklabels(), 1)):
+            ends = [(e.get_points()[0, side], e.get_points()[1, side]) for e in (t.get_window_extent() for t in labels)]
+            assert len(ends) > 1 and all(end < start for (_, end), (start, _) in itertools.pairwise(ends))
+        if (legend := axis.get_legend()) is not None:
+            assert legend.get_window_extent().x1 <= whole.x1
+    assert maps[0].get_xticklabels()[0].get_text() == "0"
+    assert bars[0].get_ylim() == (0.0, 1.0), "shares of deliveries"
 
 
 def test_the_command_line(done, tmp_path):
