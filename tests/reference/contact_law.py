@@ -37,3 +37,23 @@ def loads(opening: np.ndarray, floor: np.ndarray, law: np.ndarray, give: np.ndar
     """(n,) floor + K·δ^{3/2} [pN] of contacts; `law` (n, 4) holds overlap, K, wander and layer."""
     deep = [depth(s, o, k, g, w, y) for s, (o, k, w, y), g in zip(opening, law, give, strict=True)]
     return floor + law[:, 1] * np.array(deep) ** 1.5
+
+
+def kept(apart: np.ndarray, overlap: np.ndarray, wander: np.ndarray, layer: np.ndarray) -> tuple[np.ndarray, ...]:
+    """What the loads of contacts above their floors keep out [µm], give·λ + δ, by Hertz's law and by their paths.
+
+    The gaps open by `apart` (n,) [µm] by all else. A path asks for the positive root x of
+    (x + layer − overlap)·(x + layer − overlap + apart) = W/4, and without a wander for nothing.
+    """
+    root = 0.5 * (np.sqrt(apart**2 + wander) - apart) + overlap - layer
+    return overlap - apart, np.where(wander > 0.0, root, -np.inf)
+
+
+def load_alone(out: np.ndarray, hardness: np.ndarray, give: np.ndarray) -> np.ndarray:
+    """(n,) loads above the floor [pN] that keep out `out` [µm]: δ + give·K·δ^{3/2} = out, by bisection in δ."""
+    low, high = np.zeros_like(out), np.maximum(out, 0.0)
+    for _ in range(200):
+        middle = 0.5 * (low + high)
+        less = middle + give * hardness * middle**1.5 < out
+        low, high = np.where(less, middle, low), np.where(less, high, middle)
+    return hardness * low**1.5

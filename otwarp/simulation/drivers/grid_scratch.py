@@ -178,8 +178,8 @@ def allocate_grid(model: Model, state: State) -> Annotated[Any, GridData]:
     data.ahead = empty((listed, MAX_BODY_CONTACTS), wp.float32, device)
     data.active = wp.zeros(RELAXATIONS if touching else 0, dtype=wp.int32, device=device)
     data.moving = wp.zeros((w, RELAXATIONS if touching else 0), dtype=wp.int32, device=device)
-    data.stir = wp.zeros((w, touching if f.in_turn else 0), dtype=wp.int32, device=device)
-    data.seen = empty((listed if f.in_turn else 0, MAX_BODY_CONTACTS), wp.int32, device)
+    data.way = wp.zeros((w, touching if f.in_turn else 0), dtype=wp.float64, device=device)
+    data.due = empty((listed if f.in_turn else 0, MAX_BODY_CONTACTS), wp.float64, device)
     data.share = wp.zeros((w, min(CHUNKS, touching)), dtype=wp.vec2, device=device)
     data.slot = wp.zeros((w, b if f.soft_contacts and f.inlet else 0), dtype=wp.int32, device=device)
     slots = w * b if f.soft_contacts else 0

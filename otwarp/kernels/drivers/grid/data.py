@@ -126,8 +126,8 @@ class GridData:
     again: wp.array(dtype=wp.int32)  # (1|W) 1: the sweeps of this step are those after its first solution
     active: wp.array(dtype=wp.int32)  # (RELAXATIONS) 1: some contact of any world was not settled in this sweep
     moving: wp.array2d(dtype=wp.int32)  # (W, RELAXATIONS) 1: some contact of the world was not settled in this sweep
-    stir: wp.array2d(dtype=wp.int32)  # (W, B) where contacts take turns: number of the last move of each body
-    seen: wp.array2d(dtype=wp.int32)  # (W·B, MAX_BODY_CONTACTS) the last move that each contact has answered
+    way: wp.array2d(dtype=wp.float64)  # (W, B) where contacts take turns: how far they have moved each body [µm]
+    due: wp.array2d(dtype=wp.float64)  # (W·B, MAX_BODY_CONTACTS) way of its bodies after which each is solved anew
     share: wp.array2d(dtype=wp.vec2)  # (W, CHUNKS) parts of the sums that scale the first guess [pN·µm]
     place: wp.array2d(dtype=wp.vec4)  # (2, W·B) centre and contact radius of each slot, now and next [µm]
     sorted: wp.array2d(dtype=wp.float32)  # (4, W·E + PAIRS) places [µm] and radii when lists were made, on a CPU

@@ -3,9 +3,13 @@
 A thread of a CPU has a world to itself, so that each contact can be solved exactly for its own force with all others as
 they are by now, and both partners moved at once: coordinate descent (nonlinear Gauss–Seidel) on the convex energy of
 `contacts`, whose every step lowers it, so that no stiffness makes it diverge (Tseng 2001,
-doi:10.1023/A:1017501703105). A contact is looked at again only after a body of it has moved since, so that what is at
-rest costs one comparison. Pairs stand in the list of their first body alone. The law of a contact, and the error at
+doi:10.1023/A:1017501703105). Pairs stand in the list of their first body alone. The law of a contact, and the error at
 which it counts as settled, are those of the sweeps.
+
+Each body sums up how far the others have pushed it, back and forth, and each contact notes at which sum of its two
+bodies it is due again: where they may have moved by more than its own tolerance, or have closed its gap, since it was
+solved. What is at rest costs one comparison, and where none is due, none is out of its tolerance: the error of a gap,
+nil when it was solved, grows by no more than its bodies move.
 """
 
 import warp as wp
@@ -14,7 +18,7 @@ from otwarp.kernels.contact.contact import SETTLED, UNSETTLED, Contact, nearer_r
 from otwarp.kernels.contact.excursion import path_tolerance, reach_beyond
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.roots import cube_root
+from otwarp.kernels.core.roots import cube_root, length_of
 from otwarp.kernels.core.types import ModelData, Move, ReadoutData
 from otwarp.kernels.drivers.grid.contacts import gap_error, lift_term, opening_term
 from otwarp.kernels.drivers.grid.data import GridData, PushData, own_term
@@ -25,14 +29,18 @@ TURNS = 128
 
 
 @wp.func
-def load_alone(c: Contact, opened: float, reach: float) -> float:
-    """Load λ [pN] that solves a contact whose gap is open by `opened` [µm] with its present load, all else at rest.
+def kept_out(c: Contact, opened: float, reach: float) -> float:
+    """What the load of a contact above its floor has to keep out [µm]; where it is below 0, how far off the gap is.
 
-    `reach` [µm] is what its path asks to keep out, not above 0 where Hertz's law at the end is enough.
+    The gap is open by `opened` [µm] with its present load; its path asks to keep out `reach` [µm], which is more than
+    Hertz's law at the end does wherever its path counts.
     """
-    kept = reach
-    if reach <= 0.0:
-        kept = c.overlap - opened + c.give * (c.load - c.floor)
+    return wp.max(reach, c.overlap - opened + c.give * (c.load - c.floor))
+
+
+@wp.func
+def load_alone(c: Contact, kept: float) -> float:
+    """Load λ [pN] that solves a contact which has `kept` [µm] to keep out, all else at rest."""
     load = c.floor
     if kept > 0.0:
         # as `overlap_alone`; from within a third of the root four steps are as many as float32 has digits for
@@ -57,6 +65,12 @@ def path_reach(c: Contact, opened: float) -> float:
     return reach
 
 
+@wp.func
+def leeway(c: Contact, kept: float, reach: float) -> float:
+    """How far the bodies of a contact that is solved may move until it may be out of its tolerance [µm]."""
+    return wp.static(SETTLED) + path_tolerance(c, reach) + wp.max(-kept, 0.0)
+
+
 def move_pair_term(f: Features) -> wp.Function:
     """`(push, world, c, load)`: move both bodies of a contact by `load` [pN] more."""
 
@@ -77,42 +91,73 @@ def move_pair_term(f: Features) -> wp.Function:
     return move_pair
 
 
+def way_terms(f: Features) -> tuple[wp.Function, wp.Function]:
+    """Add to, and read, the sums of how far contact forces have moved bodies in this solution.
+
+    `(model, grid, world, c, load)` adds what `load` [pN] more moves any point of both bodies of a contact at most;
+    `(grid, world, a, b) -> wp.float64` is the sum [µm] of two bodies, or of one where b is -1. With the digits of
+    float64 a move of `SETTLED` counts after any others.
+    """
+
+    @wp.func
+    def add_one(model: ModelData, grid: GridData, world: int, b: int, load: float, response: Move):
+        """Add how far `load` [pN] moves any point of body b at most."""
+        far = length_of(response.linear)
+        if wp.static(f.rigid):
+            far += length_of(response.angular) * model.body.bound[b]
+        grid.way[world, b] = grid.way[world, b] + wp.float64(wp.abs(load) * far)
+
+    @wp.func
+    def add_way(model: ModelData, grid: GridData, world: int, c: Contact, load: float):
+        """Add what `load` [pN] more in a contact moves its bodies."""
+        add_one(model, grid, world, c.a, load, c.response_a)
+        if c.b >= 0:
+            add_one(model, grid, world, c.b, load, c.response_b)
+
+    @wp.func
+    def way_of(grid: GridData, world: int, a: int, b: int) -> wp.float64:
+        """How far bodies a and b have moved since the solution began [µm], together."""
+        way = grid.way[world, a]
+        if b >= 0:
+            way += grid.way[world, b]
+        return way
+
+    return add_way, way_of
+
+
 def one_round_term(f: Features) -> wp.Function:
-    """`(model, grid, push, world, turn, moves) -> int`: once every contact that needs it; moves are counted from 1."""
+    """`(model, grid, push, world, first) -> bool`: once every contact that is due; whether any has moved its bodies."""
     opening, move_pair = opening_term(f), move_pair_term(f)
+    add_way, way_of = way_terms(f)
     partner_of = peek_terms(f)[0]
     _, read_contact, write_load, _ = contact_store_terms(f)
 
     @wp.func
-    def take_turn(grid: GridData, push: PushData, world: int, row: int, i: int, a: int, b: int, moves: int) -> int:
-        """Solve entry i of body a, and move both partners; the new number of moves, one more if it was not settled."""
+    def take_turn(model: ModelData, grid: GridData, push: PushData, world: int, row: int, i: int, a: int) -> bool:
+        """Solve entry i of body a, move both partners, and note when it is due again; whether they have moved."""
         c = read_contact(grid, row, i, a)
         opened = opening(grid, push, world, c, 1.0)
         reach = path_reach(c, opened)
-        load = load_alone(c, opened, reach)
-        if load != c.load:
+        kept = kept_out(c, opened, reach)
+        load = load_alone(c, kept)
+        moves = load != c.load
+        if moves:
             move_pair(push, world, c, load - c.load)
+            add_way(model, grid, world, c, load - c.load)
             write_load(grid, row, i, load)
-            if wp.abs(load - c.load) * c.give > wp.static(SETTLED) + path_tolerance(c, reach):
-                moves += 1
-                grid.stir[world, a] = moves
-                if b >= 0:
-                    grid.stir[world, b] = moves
-        grid.seen[row, i] = moves
+        grid.due[row, i] = way_of(grid, world, a, c.b) + wp.float64(leeway(c, kept, reach))
         return moves
 
     @wp.func
-    def one_round(model: ModelData, grid: GridData, push: PushData, world: int, turn: int, moves: int) -> int:
-        """A round over the contacts in the order of the bodies: the number of moves after it."""
+    def one_round(model: ModelData, grid: GridData, push: PushData, world: int, first: bool) -> bool:
+        """A round over the contacts in the order of the bodies, in the first over all of them."""
+        moves = bool(False)
         for a in range(model.bodies):
             row = world * model.bodies + a
             for i in range(grid.count[world, a]):
-                b = partner_of(grid, row, i)
-                last = grid.stir[world, a]
-                if b >= 0:
-                    last = wp.max(last, grid.stir[world, b])
-                if turn == 0 or last > grid.seen[row, i]:
-                    moves = take_turn(grid, push, world, row, i, a, b, moves)
+                if first or way_of(grid, world, a, partner_of(grid, row, i)) > grid.due[row, i]:
+                    if take_turn(model, grid, push, world, row, i, a):
+                        moves = True
         return moves
 
     return one_round
@@ -195,7 +240,7 @@ def settle_term(f: Features) -> wp.Function:
         if again == 0:
             gather(model, readout, grid, push, world, False)
         for b in range(model.bodies):
-            grid.stir[world, b] = 0
+            grid.way[world, b] = wp.float64(0.0)
         if wp.static(f.bends):
             if again != 0:
                 for a in range(model.bodies):
@@ -205,11 +250,8 @@ def settle_term(f: Features) -> wp.Function:
                         write_lift(grid, row, i, lift(grid, push, world, c))
         busy = bool(True)
         turn = int(0)
-        moves = int(0)
         while busy and turn < turns:
-            before = moves
-            moves = one_round(model, grid, push, world, turn, moves)
-            busy = moves != before
+            busy = one_round(model, grid, push, world, turn == 0)
             # without the rounding that large changes leave; those of a second solution are small
             if (turn == 0 and again == 0) or not busy:
                 gather(model, readout, grid, push, world, report and not busy)
