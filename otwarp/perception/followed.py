@@ -138,6 +138,16 @@ class FollowedBody:
         """Whether a stamp can be that of an image which is looked at `now`, on the session's clock [s]."""
         return now - self._rule.lag <= time <= now + AHEAD
 
+    def _misdated(self, late: float) -> str:
+        """Why an image that comes `late` s after its stamp is refused."""
+        if late > 0.0 and self._rule.patience > 0.0:
+            return (
+                f"this machine takes {late:.3g} s for an image, allowed up to {self._rule.lag:g} s; "
+                "--follow fewer bodies, or --camera-device for images on a GPU"
+            )
+        side = f"{late:.3g} s behind" if late > 0.0 else f"{-late:.3g} s ahead of"
+        return f"stamps of the camera are {side} the clock, allowed up to {self._rule.lag:g} s behind"
+
     def take(self, seen: Measurement | None, why: str, now: float) -> None:
         """Put in what a look at it said.
 
@@ -150,9 +160,7 @@ class FollowedBody:
             self._said = why
             return
         if not self.dated(seen.time, now):
-            late = now - seen.time
-            side = f"{late:.3g} s behind" if late > 0.0 else f"{-late:.3g} s ahead of"
-            self._said = f"stamps of the camera are {side} the clock, allowed up to {self._rule.lag:g} s behind"
+            self._said = self._misdated(now - seen.time)
             self.refused += 1
             return
         try:

@@ -166,6 +166,13 @@ def test_a_slow_laboratory_hides_nothing(lab):
     assert LostRule().within(5.0) == LostRule().after
 
 
+def test_a_laboratory_that_is_too_slow_is_named(lab):
+    """An image of it comes after the last moment at which its stamp would count: no clock is at fault."""
+    one = lab(delay=2.2, rate=3.0, rule=LostRule(patience=2.0))
+    one.run(330)
+    assert "this machine takes 2.2 s for an image, allowed up to 2 s; --follow fewer bodies" in one.stage.news[-1]
+
+
 class Blinking:
     """Templates that say nan now and then."""
 
