@@ -16,7 +16,7 @@ import pytest
 from otwarp.errors import InputError
 from otwarp.reproduce import parts
 from otwarp.reproduce.code import Code, code_here
-from otwarp.reproduce.item import Request, Result, Unavailable
+from otwarp.reproduce.item import Figure, Request, Result, Table, Unavailable
 from otwarp.reproduce.registry import ITEMS
 from otwarp.reproduce.runner import done_in, reproduce
 
@@ -52,12 +52,20 @@ def killed(tmp_path: Path) -> Path:
 def quickly(monkeypatch: pytest.MonkeyPatch, run) -> None:
     """Let something else compute the item that was killed."""
     one = ITEMS["force_curves"]
-    monkeypatch.setitem(ITEMS, one.name, replace(one, run=run, figures=0, tables=1))
+    monkeypatch.setitem(ITEMS, one.name, replace(one, run=run))
 
 
 def nothing(request: Request) -> Result:
-    """An item without anything."""
-    return Result(comparisons=(), definition="", difference="")
+    """An item that has as many figures and tables as it should, and nothing in them."""
+    (request.folder / "none.png").write_bytes(b"")
+    one, empty = ITEMS["force_curves"], Table(title="", head=("",), rows=())
+    return Result(
+        comparisons=(),
+        definition="",
+        difference="",
+        figures=(Figure(file="none.png", caption=""),) * one.figures,
+        tables=(empty,) * (one.tables - 1),
+    )
 
 
 def test_a_part_that_is_killed_counts_until_then(killed: Path, monkeypatch):
