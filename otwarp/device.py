@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 
 from otwarp.errors import InputError
-from otwarp.warp_internals import is_running
+from otwarp.warp_internals import is_running, share_headers
 
 _NO_DRIVER = b"Warp CUDA warning: Could not find or load the NVIDIA CUDA driver"
 
@@ -27,6 +27,7 @@ def start_warp() -> None:
     """
     wp.config.log_level = max(wp.config.log_level, wp.LOG_WARNING)
     if is_running():
+        share_headers()
         return
     sys.stderr.flush()
     kept = os.dup(2)
@@ -41,6 +42,7 @@ def start_warp() -> None:
             for line in held:
                 if not line.startswith(_NO_DRIVER):
                     os.write(2, line)
+    share_headers()
 
 
 def pick_device(name: str | wp.Device | None) -> wp.Device:

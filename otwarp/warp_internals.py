@@ -7,13 +7,17 @@ Seen in Warp 1.19; `tests/test_warp_internals.py` fails when what is used here i
 - *Numbers and shape of a vector type*, which public functions tell of arrays alone.
 - *What is wrong with a function*, and what it returns: Warp tells it when a kernel that calls the function is compiled,
   in a message with a place for every function on the way.
+- *Compiled headers*, which Warp makes anew in every thread that compiles for a CPU: it takes longer than most kernels.
 - *Machine code of a kernel*, to be called where Warp is not imported: its file, symbol, launch bounds, and the library
   that loads it.
 """
 
 from __future__ import annotations
 
+import functools
+import hashlib
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +28,42 @@ from warp._src import codegen, context, types
 def is_running() -> bool:
     """Whether Warp is initialised in this process."""
     return context.runtime is not None
+
+
+def share_headers() -> None:
+    """Keep the compiled headers of CPU kernels in the kernel cache, one for all threads and processes.
+
+    Warp has a folder for each thread, so that none reads what another writes; but the compiler writes to a file of its
+    own and renames it, and a thread that finds none makes one.
+    """
+    own = context.runtime.get_clang_pch_dir
+    if context.runtime.llvm is not None and not hasattr(own, "shared"):
+        context.runtime.get_clang_pch_dir = _Shared(own)
+
+
+class _Shared:
+    """Where the compiled headers are: a folder of the cache, or a thread's own where that cannot be made."""
+
+    shared = True
+
+    def __init__(self, own: Callable[[], str | None]):
+        self.own = own
+
+    def __call__(self) -> str | None:
+        folder = Path(wp.config.kernel_cache_dir or "") / f"headers_{_headers()}"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            return self.own()
+        return str(folder)
+
+
+@functools.cache
+def _headers() -> str:
+    """Digest of what the compiler takes compiled headers back for: their files, unchanged, and the processor."""
+    folder = Path(wp.__file__).resolve().parent / "native"
+    files = sorted((str(f), f.stat().st_size, f.stat().st_mtime_ns) for f in folder.rglob("*.h"))
+    return hashlib.sha256(repr((wp.get_cpu_kernel_cache_key(), files)).encode()).hexdigest()[:16]
 
 
 def is_struct(value: Any) -> bool:

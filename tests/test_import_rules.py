@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import re
 import subprocess
 import sys
@@ -174,6 +175,7 @@ def room_of(path: Path) -> str:
     return "cli" if first == "__main__.py" else first.removesuffix(".py")
 
 
+@functools.cache
 def imports(path: Path, *, for_types: bool = False) -> list[tuple[str, bool]]:
     """(dotted name, at import time) of everything a file imports; imports for type checkers where they are asked for.
 
@@ -202,7 +204,9 @@ FILES = sorted(p for p in PACKAGE.rglob("*.py") if p.name != "__init__.py" or p.
 
 def named_modules(path: Path, *, for_types: bool = False) -> list[str]:
     """Dotted names that a file imports anywhere, with those that it gives to `import_module` in so many words."""
-    calls = [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Call)]
+    text = path.read_text(encoding="utf-8")
+    nodes = ast.walk(ast.parse(text)) if "import_module" in text else ()
+    calls = [node for node in nodes if isinstance(node, ast.Call)]
     by_name = [c.args[0] for c in calls if c.args and ast.unparse(c.func).split(".")[-1] == "import_module"]
     return [name for name, _ in imports(path, for_types=for_types)] + [
         str(name.value) for name in by_name if isinstance(name, ast.Constant)

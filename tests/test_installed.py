@@ -207,7 +207,6 @@ def test_every_command_helps(site, elsewhere):
         assert f"help of {name}\n" in out
 
 
-@pytest.mark.quick
 def test_every_module_is_imported(site, elsewhere):
     """None of them asks for the repository; what functions import is in `tests/test_import_rules.py`."""
     modules = sorted(p.relative_to(site).with_suffix("") for p in (site / "otwarp").rglob("*.py"))

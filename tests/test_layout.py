@@ -79,9 +79,8 @@ def private(name: object) -> bool:
     return isinstance(name, str) and re.fullmatch(r"_(?!_)\w*[a-z]\w*", name) is not None
 
 
-def own_names(tree: ast.Module) -> set[str]:
+def own_names(nodes: list[ast.AST]) -> set[str]:
     """Private names that a module gives out itself: to its functions and classes, and to their attributes."""
-    nodes = list(ast.walk(tree))
     found = {n.name for n in nodes if isinstance(n, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)}
     found |= {n.attr for n in nodes if isinstance(n, ast.Attribute) and isinstance(n.ctx, ast.Store)}
     return found | {n.target.id for n in nodes if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name)}
@@ -89,8 +88,9 @@ def own_names(tree: ast.Module) -> set[str]:
 
 def strangers(tree: ast.Module) -> list[str]:
     """Private names of others that a module uses: `a._b`, `getattr(a, "_b")`, `from a import _b`."""
-    own, found = own_names(tree), []
-    for node in ast.walk(tree):
+    nodes = list(ast.walk(tree))
+    own, found = own_names(nodes), []
+    for node in nodes:
         if isinstance(node, ast.Attribute) and private(node.attr):
             mine = isinstance(node.value, ast.Name) and node.value.id in ("self", "cls")
             if not (mine and isinstance(node.ctx, ast.Store)) and node.attr not in own:
@@ -98,12 +98,13 @@ def strangers(tree: ast.Module) -> list[str]:
         elif isinstance(node, ast.ImportFrom):
             parts = [*(node.module or "").split("."), *(a.name for a in node.names)]
             found += [part for part in parts if private(part)]
-        elif isinstance(node, ast.Call) and ast.unparse(node.func) in ("getattr", "setattr", "hasattr", "delattr"):
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in BY_NAME:
             named = node.args[1].value if isinstance(node.args[1], ast.Constant) else None
             found += [str(named)] if private(named) and named not in own else []
     return found
 
 
+BY_NAME = {"getattr", "setattr", "hasattr", "delattr"}
 LEAVING = {"_exit"}
 """`os._exit` is public: how a process ends at once."""
 

@@ -41,12 +41,18 @@ reproduce(sys.argv[1], names=("force_curves",), quick=True, device="cpu", say=ki
 """
 
 
-@pytest.fixture
-def killed(tmp_path: Path) -> Path:
-    """A report whose item was killed while it was computed."""
-    done = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path)], env=os.environ, capture_output=True, text=True)
+@pytest.fixture(scope="module")
+def killed_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("killed")
+    done = subprocess.run([sys.executable, "-c", KILLED, str(out)], env=os.environ, capture_output=True, text=True)
     assert done.returncode == -signal.SIGKILL, done.stderr
-    return tmp_path
+    return out
+
+
+@pytest.fixture
+def killed(killed_once: Path, tmp_path: Path) -> Path:
+    """A report whose item was killed while it was computed."""
+    return shutil.copytree(killed_once, tmp_path, dirs_exist_ok=True)
 
 
 def quickly(monkeypatch: pytest.MonkeyPatch, run) -> None:

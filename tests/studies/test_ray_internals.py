@@ -36,6 +36,8 @@ def test_the_folder_of_sockets_is_an_argument_of_init(tmp_path):
 
 def test_nobody_else_reaches_in():
     for path in PACKAGE.rglob("*.py"):
-        text = [n.value for n in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(n, ast.Constant)]
-        inside = [t for t in text if isinstance(t, str) and (t.startswith("ray._") or t == "_temp_dir")]
+        text = path.read_text(encoding="utf-8")
+        nodes = ast.walk(ast.parse(text)) if "ray._" in text or "_temp_dir" in text else ()
+        constants = [n.value for n in nodes if isinstance(n, ast.Constant)]
+        inside = [t for t in constants if isinstance(t, str) and (t.startswith("ray._") or t == "_temp_dir")]
         assert path == ADAPTER or not inside, path

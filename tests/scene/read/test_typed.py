@@ -160,7 +160,8 @@ def test_what_may_be_left_out_may_be_blocked(stage_file: StageFile) -> None:
 
 def calls_get(path: Path) -> bool:
     """Whether a file asks a USD attribute for its value: nothing else has a method of that name."""
-    nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+    text = path.read_text(encoding="utf-8")
+    nodes = ast.walk(ast.parse(text)) if "Get" in text else ()
     return any(isinstance(node, ast.Attribute) and node.attr == "Get" for node in nodes)
 
 

@@ -49,6 +49,8 @@ def test_compiling_is_told_once(
     assert said[1:] == ["compiled 1 of 2", "compiled 2 of 2"]
     assert len(caplog.records) == len(said)
     assert all(is_compiled(kernel.module, place) for kernel in kernels)
+    if place.is_cpu:  # two threads compiled
+        assert len(list(tmp_path.glob("headers_*/*"))) == 1
 
 
 @pytest.mark.parametrize("asked", [False, True])
