@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from otwarp.cli.main import main
+from otwarp.errors import PlausibilityWarning
 from otwarp.reproduce.item import Request, Result
 from otwarp.reproduce.items import networks
 from otwarp.reproduce.items.networks_plan import FULL, QUICK, Plan, settings_of, write_layout
@@ -64,7 +65,7 @@ def asked(place: Path, say: Callable[[str], None] = lambda line: None) -> Reques
 
 
 @pytest.mark.quick
-def test_a_tiny_table_end_to_end(tmp_path: Path, monkeypatch):
+def test_a_tiny_table_end_to_end(tmp_path: Path, monkeypatch, recwarn):
     tiny(monkeypatch, epochs=1)
     request = asked(tmp_path)
     folders = [request.folder, request.work]
@@ -74,6 +75,7 @@ def test_a_tiny_table_end_to_end(tmp_path: Path, monkeypatch):
     assert {f.file for f in found.figures} == {p.name for p in folders[0].iterdir()}
     assert not list(folders[1].rglob("*.pt")), "weights do not stay"
     assert found.comparisons[0].ours.said() == "not in a quick report"
+    assert not [w for w in recwarn if issubclass(w.category, PlausibilityWarning)], "the report says what is too few"
 
 
 def without_times(result: Result) -> dict[str, Any]:

@@ -88,12 +88,12 @@ FULL = Plan(
 QUICK = Plan(
     layout=QUICK_LAYOUT,
     networks={
-        "resnet18": {**PUBLISHED, "net": "resnet18", "epochs": 8, "batch": 16, "size": 64},
+        "resnet18": {**PUBLISHED, "net": "resnet18", "epochs": 5, "batch": 16, "size": 64},
         "small": {**PUBLISHED, "net": "small", "epochs": 20, "batch": 8, "lr": 3e-3, "size": 64},
     },
     seeds=1,
     ablation="small",
-    said="reduced: 64 pixels, 19 tilts × 30 focal positions, 8 (ResNet18) and 20 epochs (small), one seed",
+    said="reduced: 64 pixels, 19 tilts × 30 focal positions, 5 (ResNet18) and 20 epochs (small), one seed",
     reduced=True,
 )
 
