@@ -29,6 +29,7 @@ def test_our_environments_are_what_the_interface_promises(device):
     assert len(check_vector(functools.partial(navigate, device=device))) == 7
 
 
+@pytest.mark.quick
 def test_environments_of_others_are_checked_too():
     def pole():
         return gymnasium.make("CartPole-v1", max_episode_steps=15)

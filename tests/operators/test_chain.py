@@ -90,7 +90,9 @@ CASES: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case", [pytest.param(c, marks=[pytest.mark.quick] if c == "everything" else []) for c in CASES]
+)
 def test_it_is_the_servos_chain(case, delivery, device):
     """Three worlds of two hands through 2000 periods of all that may happen; "nothing" with tables."""
     scene, local = delivery

@@ -34,6 +34,7 @@ def lab(request):
         one.close()
 
 
+@pytest.mark.quick
 def test_the_twin_is_where_the_plant_has_the_bead(lab):
     """Late images lead to where the bead is now: 0.03 s at 2.5 µm/s would be 0.075 µm."""
     one = lab(delay=0.03)
@@ -200,6 +201,7 @@ def test_what_is_seen_again_comes_back_by_the_ramp(lab):
     assert any("the estimator says nan" in line for line in said)
 
 
+@pytest.mark.quick
 def test_who_is_disarmed_while_lost_stays_so(lab):
     one = lab(look=Estimator(TOP, SIZE, {0: Blinking(range(40, 60))}), rule=LostRule(after=0.05), device=STILL)
     one.run(66)

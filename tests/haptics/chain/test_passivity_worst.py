@@ -156,6 +156,7 @@ def test_a_new_chain_takes_over_what_is_owed():
     assert fresh.account == chain.account and fresh.passivity.hold == pytest.approx(0.03)
 
 
+@pytest.mark.quick
 def test_a_debt_is_paid_back_and_nothing_drives_meanwhile():
     """50 mJ lost in a hold of 100 ms: until they are back, only what resists the hand is felt."""
     chain = spring_chain(240.0, DEFAULT)
