@@ -23,7 +23,9 @@ nav a:hover, nav a:focus-visible { background: #e8edf4; }
 nav a.absent { color: var(--soft); }
 main { padding: 2.5rem 3rem 4rem; max-width: 74rem; }
 main a { color: inherit; text-decoration-color: #9aa6b8; text-underline-offset: .18em; }
-#summary table.pair tbody td:first-child { width: 17%; } #summary table.pair tbody th { width: 22%; }
+#summary table.pair tbody td:first-child { width: 17%; }
+#summary table.pair tbody th { width: 20%; overflow-wrap: anywhere; }
+#summary table.pair td.theirs { width: 16%; } #summary table.pair td.ours { width: 20%; }
 h1 { font-size: 2rem; line-height: 1.15; margin: 0 0 .6rem; letter-spacing: -.015em; }
 h2 { font-size: 1.35rem; line-height: 1.2; margin: 0 0 .15rem; letter-spacing: -.01em; }
 h3 { font-size: .95rem; margin: 1.6rem 0 .35rem; }
