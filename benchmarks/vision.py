@@ -107,6 +107,7 @@ def measure(
         tables += [times(fourier, rounds, data), sizes(fourier, rounds, data), beside_deeptrack(fourier, rounds, data)]
     else:  # the same physics: what is to be shown is that it is
         tables = [away_from_cpu(fourier, data), times(fourier, rounds, data), sizes(fourier, rounds, data)]
+        tables.append(beside_deeptrack(fourier, rounds, data))
     if figure is not None:
         draw(figure, apertures, data)
     kind = "cpu" if place.is_cpu else "cuda"
@@ -136,13 +137,19 @@ def away_from_cpu(fourier: Fourier, data: dict[str, Any]) -> Table:
 
 def beside_deeptrack(fourier: Fourier, rounds: int, data: dict[str, Any]) -> Table:
     """One image after the other of a sphere whose pose is another each time: light led through anew, and looked at."""
-    radius, index, clock = 1.0, 1.52, time.process_time
+    radius, index, cpu = 1.0, 1.52, fourier.device.is_cpu
+    clock = time.process_time if cpu else time.perf_counter
     head = ("code", "light", "images/s", "over DeepTrack2", "error, mean and (largest)")
     title = "An image of a sphere of 1 µm in a pose of its own, 128 × 128 points of 0.11 µm"
     if (why := deeptrack_sphere.missing()) is not None:
         return Table(title=title, head=head, rows=[(why, *4 * (NOTHING,))])
     specimen = Specimen.of_spheres([[0, 0, 0]], radius, index)
-    peer = deeptrack_sphere.Peer(radius, index, medium=1.33, aperture=1.2, wavelength=0.55, pixel=GRID.pixel, count=128)
+    of = {"medium": 1.33, "aperture": 1.2, "wavelength": 0.55, "pixel": GRID.pixel, "count": 128}
+    if cpu:
+        peer, why = deeptrack_sphere.Peer(radius, index, **of), None
+    else:
+        peer, why = deeptrack_sphere.on(str(fourier.device), radius, index, **of)
+    code = deeptrack_sphere.name() + (" on the host" if why else "")
     found = {}
     for aperture in (0.0, 0.4):
         microscope = Microscope(condenser_aperture=aperture, pixel=GRID.pixel)
@@ -159,7 +166,7 @@ def beside_deeptrack(fourier: Fourier, rounds: int, data: dict[str, Any]) -> Tab
             blur = np.sinc(np.fft.fftfreq(128))[:, None] * np.sinc(np.fft.rfftfreq(128))[None, :]
             points = np.fft.irfft2(np.fft.rfft2(exact) / blur, s=(128, 128))
             theirs = lambda planes: np.stack([peer.image(z) for z in planes])  # noqa: E731
-            found[deeptrack_sphere.name(), name] = theirs, vision_limits.error(theirs(FOCUS), points)
+            found[code, name] = theirs, vision_limits.error(theirs(FOCUS), points)
     speed = {}
     for key, (run, _) in found.items():
         spent = []
@@ -168,14 +175,16 @@ def beside_deeptrack(fourier: Fourier, rounds: int, data: dict[str, Any]) -> Tab
             run(FOCUS[3:4])
             spent.append(clock() - begun)
         speed[key] = 1.0 / min(spent[1:])
-    reference = next(v for (code, _), v in speed.items() if code == deeptrack_sphere.name())
-    rows = [(code, light, f"{speed[code, light]:.3g}", f"{speed[code, light] / reference:.2g}",
-             f"{off.mean():.2f} ({off.max():.2f})") for (code, light), (_, off) in found.items()]  # fmt: skip
+    reference = next(v for (whose, _), v in speed.items() if whose == code)
+    rows = [(whose, light, f"{speed[whose, light]:.3g}", f"{speed[whose, light] / reference:.2g}",
+             f"{off.mean():.2f} ({off.max():.2f})") for (whose, light), (_, off) in found.items()]  # fmt: skip
     data["deeptrack"] = {f"{c}, {name}": [speed[c, name], off.tolist()] for (c, name), (_, off) in found.items()}
     note = (
-        "Processor time of one core. DeepTrack2's bright field is a beam of one index in light along the axis, its "
+        ("Processor time of one core. " if cpu else "Wall time, images on the host, one after the other. ")
+        + "DeepTrack2's bright field is a beam of one index in light along the axis, its "
         "sphere of whole voxels, its image in points: so it is compared. That ours looks in further planes for a tenth "
         "of the time of a pose is not used here."
+        + (f" With torch on the GPU it ends in “{why}”, so it is NumPy's." if why else "")
     )
     return Table(title=title, head=head, rows=rows, note=note)
 

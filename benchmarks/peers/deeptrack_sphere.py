@@ -24,6 +24,16 @@ def name() -> str:
     return f"DeepTrack2 {importlib.metadata.version('deeptrack')}"
 
 
+def on(device: str, radius: float, index: float, **of: Any) -> tuple[Peer, str | None]:
+    """A peer on a GPU of torch; where it cannot compute there by NumPy on the host, and the reason."""
+    peer = Peer(radius, index, device=device, **of)
+    try:
+        peer.image(0.0)
+    except RuntimeError as error:
+        return Peer(radius, index, **of), str(error).partition("\n")[0]
+    return peer, None
+
+
 class Peer:
     """A sphere in the middle of a square of pixels, looked at in one plane after another.
 
@@ -32,6 +42,7 @@ class Peer:
         index: Of the sphere.
         medium, aperture, wavelength, pixel: Of medium and objective; the last two [µm].
         count: Pixels of a side; as many again are computed around each half.
+        device: Of torch, whose arrays it computes with then, such as `cuda:0`; None: NumPy's.
     """
 
     def __init__(
@@ -44,11 +55,14 @@ class Peer:
         wavelength: float,
         pixel: float,
         count: int,
+        device: str | None = None,
     ):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of packages that it would use if they were there
             import deeptrack
 
+        deeptrack.config.set_device(device or "cpu")
+        deeptrack.config.set_backend("torch" if device else "numpy")
         self.deeptrack: Any = deeptrack
         self.pixel, self.sphere = pixel, {"radius": 1e-6 * radius, "refractive_index": index}
         self.middle = (count // 2, count // 2)
@@ -62,4 +76,5 @@ class Peer:
         ball = self.deeptrack.Sphere(**self.sphere, position=self.middle, z=-focus / self.pixel)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return np.asarray(self.optics(ball).update()())[..., 0]
+            found = self.optics(ball).update()()[..., 0]
+        return np.asarray(found.cpu() if hasattr(found, "cpu") else found)
