@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 
@@ -28,12 +29,18 @@ class Illumination:
         sparser: Fewer of these points that do for planes nearer to the specimen: weights of the first of them, and the
             reach for which they do [µm], from most points to fewest; the last are there for comparison alone.
         reach: For which all of them do [µm], as `otwarp.vision.sampling` has it.
+
+    Arrays are read-only: images that need the same light share it.
     """
 
     steps: np.ndarray
     weights: np.ndarray
     sparser: tuple[tuple[np.ndarray, float], ...] = ()
     reach: float = math.inf
+
+    def __post_init__(self) -> None:
+        for array in (self.steps, self.weights, *(weights for weights, _ in self.sparser)):
+            array.flags.writeable = False
 
     def enough(self, reach: float) -> Illumination:
         """As few of the points, the first ones, as do for a reach [µm]."""
@@ -52,6 +59,7 @@ class Illumination:
         return Illumination(self.steps[:count], weights, self.sparser[n + 1 :], reach)
 
 
+@functools.lru_cache(maxsize=64)
 def illumination(microscope: Microscope, length: float, *, rings: int = 4, azimuth: float = 0.0) -> Illumination:
     """Points on symmetric rings over the condenser's opening, each of equal share, moved to the grid's spectrum.
 
@@ -107,11 +115,16 @@ def lattice(microscope: Microscope, length: float, reach: float) -> Illumination
         length: Of the grid, after which it repeats [µm].
         reach: How far light that matters goes sideways [µm].
     """
+    return _lattice(microscope, length, density(length, reach))
+
+
+@functools.lru_cache(maxsize=64)  # a pose of thousands needs the light of the one before
+def _lattice(microscope: Microscope, length: float, each: int) -> Illumination:
+    """The lattice of one of `each` directions, and all sparser ones."""
     step, off = microscope.wavelength / length, (microscope.condenser_x, microscope.condenser_y)
     if microscope.condenser_aperture <= 0.0:
         return _coherent(off, step)
     whole = microscope.condenser == "annulus" or microscope.contrast in ("phaseContrast", "darkField")
-    each = density(length, reach)
     points = _cells(microscope, step, each, whole)
     while len(points) < FEWEST and each > 1:
         each = max(d for d in DENSITIES if d < each)

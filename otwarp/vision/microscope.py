@@ -68,7 +68,7 @@ class Microscope:
     shear_angle: float = 0.0
     bias: float = 0.25
     depth: float = 0.0
-    zernike: Mapping[int, float] = field(default_factory=dict)
+    zernike: Mapping[int, float] = field(default_factory=dict, hash=False)
     pixel: float = 0.1
 
     def __post_init__(self) -> None:
