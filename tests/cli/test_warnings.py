@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from otwarp.cli.main import main
+from otwarp.cli.validate import SLOW
 
 SCENES = Path(__file__).parents[2] / "scenes"
 HOT = ("temperature = 298.15", "temperature = 25")
@@ -66,7 +67,9 @@ def test_validate_says_it_and_strict_refuses_it(tmp_path: Path, capfd: pytest.Ca
 @pytest.mark.parametrize("path", sorted(SCENES.glob("*.usda")), ids=lambda path: path.stem)
 def test_shipped_scenes_pass_strictly(path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert main(["validate", "--strict", str(path)]) == 0
-    assert capfd.readouterr() == (f"{path}: valid\n", "")
+    out, error = capfd.readouterr()
+    assert out == f"{path}: valid\n"
+    assert error in ("", f"otwarp: {SLOW}\n")  # whoever waits on a busy machine is told for what
 
 
 def test_a_task_that_is_lost_is_told_without_compiling(tmp_path: Path, device: str) -> None:
