@@ -198,7 +198,7 @@ def cpu_time() -> tuple[float, float]:
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
-    # the collector would look at thousands of tests and all modules again and again, which took a fifth of the time
+    # the collector would look at thousands of tests and all modules again and again, which took a tenth of the time
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 20, 20)
