@@ -1,4 +1,4 @@
-"""How far contacts that took turns are from their laws, in float64 from what the device holds after a step.
+"""How far contacts are from their laws, in float64 from what the device holds after a step.
 
 The last free moves, contacts and loads are taken as they are; what the loads move, how far that opens each gap, and the
 load that each contact would have with all others as they are, are found anew.
@@ -9,12 +9,61 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import warp as wp
 
 from otwarp.kernels.contact.contact import SETTLED
 from otwarp.kernels.contact.excursion import PATH_TOLERANCE
-from otwarp.kernels.drivers.grid.data import whole_contacts
+from otwarp.kernels.drivers.grid.data import shares_entries, whole_contacts
+from otwarp.kernels.drivers.grid.entries import (
+    ANGULAR,
+    ARM,
+    DRIFT,
+    GIVE,
+    LAW,
+    LINEAR,
+    OTHER_ANGULAR,
+    OTHER_ARM,
+    OTHER_LINEAR,
+    PATH,
+    RIDGE,
+)
 from otwarp.simulation.simulation import Simulation
 from tests.reference.contact_law import kept, load_alone
+
+NOBODY = wp.vec2i(-9, -9)
+"""Bodies of an entry that no step has made."""
+
+
+def forget_entries(sim: Simulation) -> None:
+    """Make the entries of the next step known by their bodies: their number is not kept."""
+    grid: Any = sim._stepper.scratch  # pyright: ignore[reportAttributeAccessIssue]
+    grid.entry.body.fill_(NOBODY)
+
+
+def entries_of(sim: Simulation, world: int) -> dict[str, np.ndarray]:
+    """What `contacts_of` finds, where threads shared out the contacts of the step after `forget_entries`."""
+    grid: Any = sim._stepper.scratch  # pyright: ignore[reportAttributeAccessIssue]
+    entry = grid.entry
+    body = entry.body.numpy().reshape(sim.model.worlds, -1, 2)[world].astype(int)
+    body = body[: np.count_nonzero(body[:, 0] >= 0)]
+    part = entry.part.numpy().reshape(len(entry.part), sim.model.worlds, -1, 4)[:, world, : len(body)].astype(float)
+    load = entry.load.numpy().reshape(sim.model.worlds, -1)[world, : len(body)].astype(float)
+    found = {"a": body[:, 0], "b": body[:, 1], "load": load, "normal": part[LAW, :, :3], "drift": part[DRIFT, :, :3]}
+    found |= {"overlap": part[LAW, :, 3], "lift": part[DRIFT, :, 3]}
+    found |= dict(zip(("give", "hardness", "floor"), part[GIVE].T[:3], strict=True))
+    found |= dict(zip(("wander", "layer"), part[PATH].T[:2], strict=True))
+    own = part[RIDGE, :, 3]
+    for side, arm, linear, angular, share in (
+        ("a", ARM, LINEAR, ANGULAR, own),
+        ("b", OTHER_ARM, OTHER_LINEAR, OTHER_ANGULAR, own - found["give"]),
+    ):
+        if whole_contacts(sim.model.features):
+            found[f"arm_{side}"] = part[arm, :, :3]
+            found[f"linear_{side}"], found[f"angular_{side}"] = part[linear, :, :3], part[angular, :, :3]
+        else:
+            found[f"arm_{side}"] = found[f"angular_{side}"] = np.zeros((len(body), 3))
+            found[f"linear_{side}"] = share[:, None] * found["normal"]
+    return found
 
 
 def contacts_of(sim: Simulation, world: int) -> dict[str, np.ndarray]:
@@ -64,7 +113,7 @@ def contact_errors(sim: Simulation, world: int = 0) -> tuple[np.ndarray, np.ndar
     An error is what the load that is missing, or too much, would move. A path has its tolerance as long as it, or the
     load that it left, asks for something: within the error of the place where Hertz's law takes over.
     """
-    c = contacts_of(sim, world)
+    c = (entries_of if shares_entries(sim.model.features) else contacts_of)(sim, world)
     apart = openings(sim, world, c) - c["give"] * (c["load"] - c["floor"])
     hertz, path = kept(apart, c["overlap"], c["wander"], c["layer"])
     out = np.maximum(hertz, path)

@@ -205,11 +205,13 @@ def allocate_entries(model: Model, elements: int) -> Annotated[Any, EntryData]:
     for name in ("pair", "body"):
         setattr(data, name, empty(room, wp.vec2i, device))
     data.part = empty((parts(f), room), wp.vec4, device)
-    for name in ("load", "ahead", "free", "row_sum"):
+    for name in ("load", "likely", "free", "row_sum"):
         setattr(data, name, empty(room, wp.float32, device))
+    data.ahead = empty((2, room), wp.float32, device)
     data.link = empty((own * f.bodies, MAX_BODY_CONTACTS), wp.int32, device)
     data.links = wp.zeros((own, f.bodies), dtype=wp.int32, device=device)
     data.weight = wp.zeros((own, 2), dtype=wp.int64, device=device)
+    data.sweeps = wp.zeros(own, dtype=wp.int32, device=device)
     return data
 
 

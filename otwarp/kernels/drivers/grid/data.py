@@ -89,12 +89,14 @@ class EntryData:
     body: wp.array(dtype=wp.vec2i)  # (N) their bodies, -1 an obstacle
     part: wp.array2d(dtype=wp.vec4)  # (5 or 11, N) what does not change in a step, four numbers at a time
     load: wp.array(dtype=wp.float32)  # (N) λ [pN]
-    ahead: wp.array(dtype=wp.float32)  # (N) force from which the next sweep starts [pN]
+    ahead: wp.array2d(dtype=wp.float32)  # (2, N) force from which a sweep starts, in turn with the next one [pN]
+    likely: wp.array(dtype=wp.float32)  # (N) weight in the row sums of others: 1 if a force is foreseen, else less
     free: wp.array(dtype=wp.float32)  # (N) opening of the gap by the free moves [µm]
     row_sum: wp.array(dtype=wp.float32)  # (N) row sum of G over its diagonal, ≥ 1
     link: wp.array2d(dtype=wp.int32)  # (W·B, MAX_BODY_CONTACTS) entries of each body
     links: wp.array2d(dtype=wp.int32)  # (W, B) how many of them are solved
     weight: wp.array2d(dtype=wp.int64)  # (W, 2) sums that scale the first guess, see `weigh`
+    sweeps: wp.array(dtype=wp.int32)  # (W) how many were taken
 
 
 @wp.struct

@@ -22,6 +22,7 @@ LAW, GIVE, PATH, DRIFT, RIDGE, ARM, OTHER_ARM, LINEAR, OTHER_LINEAR, ANGULAR, OT
 read_four, write_four = reader(wp.vec4f, 2), writer(wp.vec4f, 2)
 read_pair, write_pair = reader(wp.vec2i), writer(wp.vec2i)
 read_number, write_number = reader(wp.float32), writer(wp.float32)
+read_ahead, write_ahead = reader(wp.float32, 2), writer(wp.float32, 2)
 read_link, write_link = reader(wp.int32, 2), writer(wp.int32, 2)
 read_vector, write_vector = reader(wp.vec3f, 2), writer(wp.vec3f, 2)
 
@@ -58,7 +59,7 @@ def write_entry_term(f: Features) -> wp.Function:
             write_four(entry.part, ANGULAR, n, beside(c.response_a.angular, 0.0))
             write_four(entry.part, OTHER_ANGULAR, n, beside(c.response_b.angular, 0.0))
         write_number(entry.load, n, c.load)
-        write_number(entry.ahead, n, c.load)
+        write_ahead(entry.ahead, 0, n, c.load)
 
     return write_entry
 

@@ -8,17 +8,27 @@ while few of them are entries in a crowd that jostles.
 
 import warp as wp
 
-from otwarp.kernels.contact.contact import SETTLED
-from otwarp.kernels.contact.excursion import FARTHEST, obstacle_name
+from otwarp.kernels.contact.contact import SETTLED, Contact
+from otwarp.kernels.contact.excursion import FARTHEST, kept_reach, obstacle_name
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.packed import distance_of, radius_of
 from otwarp.kernels.core.periodic import nearest
 from otwarp.kernels.core.types import ModelData, ReadoutData, StateData
 from otwarp.kernels.drivers.grid.data import GridData, PushData, body_pose_term
-from otwarp.kernels.drivers.grid.entries import claim, read_link, read_pair, read_vector, write_entry_term
+from otwarp.kernels.drivers.grid.entries import (
+    claim,
+    read_link,
+    read_pair,
+    read_vector,
+    write_entry_term,
+    write_number,
+)
 from otwarp.kernels.drivers.grid.lists import arm_term, sphere_contact_term
 from otwarp.kernels.drivers.grid.neighbours import FULL, next_in_cells_term
-from otwarp.kernels.drivers.grid.reach import wall_contact_term, wall_hit_term, wall_reach_term
+from otwarp.kernels.drivers.grid.reach import free_opening_term, wall_contact_term, wall_hit_term, wall_reach_term
+
+UNLIKELY = wp.constant(0.25)
+"""Weight in the row sums of others of an entry that free moves do not press, over that of one that they do."""
 
 
 @wp.struct
@@ -205,7 +215,14 @@ def make_entry_term(f: Features) -> wp.Function:
     wall_reach = wall_reach_term(f) if f.obstacles else None
     wall_hit = wall_hit_term(f) if f.obstacles else None
     wall_contact = wall_contact_term(f) if f.obstacles else None
-    write_entry = write_entry_term(f)
+    write_entry, free_opening = write_entry_term(f), free_opening_term(f)
+
+    @wp.func
+    def keep_entry(grid: GridData, world: int, n: int, c: Contact):
+        """Write contact c as entry n, and its weight in the row sums of others."""
+        write_entry(grid.entry, n, c)
+        pressed = c.force != 0.0 or kept_reach(c, free_opening(grid, world, c) + c.give * c.floor) > 0.0
+        write_number(grid.entry.likely, n, wp.where(pressed, 1.0, UNLIKELY))
 
     @wp.func
     def make_entry(model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, world: int, n: int):
@@ -219,7 +236,7 @@ def make_entry_term(f: Features) -> wp.Function:
         if wp.static(f.pairs):
             if other >= 0:
                 c = sphere_contact(model, state, readout, grid, world, a, e, other, pose, step)
-                write_entry(grid.entry, n, c)
+                keep_entry(grid, world, n, c)
         if wp.static(bool(f.obstacles)):
             if other < 0:
                 s = model.contact.sphere[e]
@@ -228,6 +245,6 @@ def make_entry_term(f: Features) -> wp.Function:
                 o = obstacle_name(other)
                 at = wall_hit(model, o, pose, arm, wall_reach(model, grid, world, a, radius_of(s)), step)
                 c = wall_contact(model, readout, grid, world, a, e, o, arm, at, step)
-                write_entry(grid.entry, n, c)
+                keep_entry(grid, world, n, c)
 
     return make_entry

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from otwarp.kernels.drivers.grid.entry_sweeps import WEIGHTS
 from otwarp.simulation.drivers.block_stepper import BlockStepper
 from otwarp.simulation.drivers.grid_stepper import GridStepper
 from otwarp.simulation.simulation import Simulation
+from tests.kernels.drivers.grid.test_turns import jostling
+from tests.kernels.drivers.grid.test_world import with_robot
+from tests.simulation.contact_errors import contact_errors, forget_entries
 from tests.simulation.crowds import crowd, jumbled
 from tests.simulation.setups import harmonic, neutral
 from tests.simulation.test_contact_chains import still
@@ -59,3 +63,26 @@ def test_the_first_guess_is_weighed_as_from_lists_by_body(monkeypatch, device):
     weight = shared._stepper.scratch.entry.weight.numpy()[0] / WEIGHTS
     np.testing.assert_allclose(weight, swept._stepper.scratch.share.numpy()[0].sum(axis=0), rtol=1e-4)
     assert weight[1] > 0.0
+
+
+@pytest.mark.parametrize("make", [jostling, with_robot])
+def test_no_entry_is_left_out_of_its_tolerance(make, monkeypatch, device):
+    """Spheres that noise moves, and a heap with a robot in two stages; tolerances drift by 2 % with what is left.
+
+    When sweeps ended after the first that changed no load by more than its tolerance, its own pushes were not looked
+    at, nor what a load that row sums hold back still lacked: these scenes were left 1.9 and 2.0 times out, the shipped
+    channel after 5,000 steps 5.3 times.
+    """
+    monkeypatch.setattr("otwarp.simulation.model.takes_turns", lambda *about: False)
+    sim = Simulation(make(), seed=4, device=device, threads=1, allow_large_step=True)
+    assert isinstance(sim._stepper, BlockStepper)
+    sim.step(180)
+    worst, carrying = 0.0, 0
+    for _ in range(100):
+        forget_entries(sim)
+        sim.step()
+        load, error, tolerance = contact_errors(sim)
+        worst = max(worst, float(np.max(error / tolerance, initial=0.0)))
+        carrying += np.count_nonzero(load)
+    assert carrying > 500
+    assert 0.1 < worst < 1.05
