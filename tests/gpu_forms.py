@@ -13,7 +13,7 @@ import pytest
 
 from otwarp.kernels.core.features import Features
 from otwarp.simulation import composition, model, resolved
-from otwarp.simulation.drivers.world_scratch import keeps_contacts, team_for
+from otwarp.simulation.drivers.world_scratch import keeps_contacts, many_in_phases, team_for
 
 
 def take_gpu_forms(patch: pytest.MonkeyPatch) -> None:
@@ -33,4 +33,5 @@ def take_gpu_forms(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(model, "takes_turns", lambda *about: False)
     gpu: Any = SimpleNamespace(is_cuda=True, sm_count=1)
     patch.setattr(model, "keeps_contacts", lambda f, worlds, device: keeps_contacts(f, 1_000, gpu))
+    patch.setattr(model, "many_in_phases", lambda f, device: many_in_phases(f, gpu))
     patch.setattr(model, "team_for", lambda f, worlds, device: team_for(f, 1, gpu))

@@ -9,6 +9,7 @@ import warp as wp
 
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.drivers.coupled_world import make_coupled_step
+from otwarp.kernels.drivers.grid.phases import GridPhases, make_grid_phases
 from otwarp.kernels.drivers.grid.step import GridKernels, make_grid_step
 from otwarp.kernels.drivers.grid.world import make_world_of_many_step
 from otwarp.kernels.drivers.lanes import make_lanes_step
@@ -26,7 +27,7 @@ class Step:
     Attributes:
         features: What they were composed from.
         fused: The single kernel of the drivers that take many steps in a launch, or None.
-        phases: Those of a world driver in phases, or None.
+        phases: Those of a driver in phases, or None.
         grid: The grid driver's kernels, or None.
         readout: Trap readout kernels (per trap and body, per hand), empty without traps.
         forces: Readout of the forces with parameters, or None without such.
@@ -34,7 +35,7 @@ class Step:
 
     features: Features
     fused: wp.Kernel | None = None
-    phases: WorldPhases | None = None
+    phases: WorldPhases | GridPhases | None = None
     grid: GridKernels | None = None
     readout: tuple[wp.Kernel, ...] = ()
     forces: wp.Kernel | None = None
@@ -65,7 +66,8 @@ def make_step(features: Features) -> Step:
         fused = make_lanes_step(features) if features.lanes else make_solo_step(features)
         return Step(features=features, fused=fused, **measured)
     if features.phased:
-        return Step(features=features, phases=make_world_phases(features), **measured)
+        phases = make_grid_phases(features) if features.driver == "grid" else make_world_phases(features)
+        return Step(features=features, phases=phases, **measured)
     if features.driver == "world":
         make = make_coupled_step if features.coupling else make_world_step
         return Step(features=features, fused=make(features), **measured)

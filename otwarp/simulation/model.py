@@ -25,7 +25,7 @@ from otwarp.scene.plausibility import judge
 from otwarp.scene.plausibility.ranges import unusual_parameters
 from otwarp.simulation.body_space import body_space
 from otwarp.simulation.composition import check_settings, fits_a_block
-from otwarp.simulation.drivers.world_scratch import keeps_contacts, largest_launch, team_for
+from otwarp.simulation.drivers.world_scratch import keeps_contacts, largest_launch, many_in_phases, team_for
 from otwarp.simulation.options import StepOptions
 from otwarp.simulation.packing.arguments import whole
 from otwarp.simulation.packing.arrays import Place, device_array
@@ -287,6 +287,7 @@ def _stepped_features(known: ResolvedScene, time_step: float, device: wp.Device,
     by_world = features.driver == "grid" and not soft and fits_a_block(scene)
     solved = {"soft_contacts": soft, "in_turn": in_turn, "body_space": space, "by_world": by_world}
     features = dataclasses.replace(features, **solved)
+    features = dataclasses.replace(features, phased=features.phased or many_in_phases(features, device))
     forms = {"keeps": keeps_contacts(features, worlds, device), "team": team_for(features, worlds, device)}
     return dataclasses.replace(features, **forms)
 

@@ -18,6 +18,7 @@ from otwarp.scene import Scene
 from otwarp.simulation.capture import CapturedLoop
 from otwarp.simulation.drivers.block_stepper import BlockStepper
 from otwarp.simulation.drivers.compilation import load_kernels
+from otwarp.simulation.drivers.grid_phases_stepper import GridPhasesStepper
 from otwarp.simulation.drivers.grid_stepper import GridStepper
 from otwarp.simulation.drivers.stepping import FusedStepper, PhasedStepper, StepperParts
 from otwarp.simulation.ends import End, check_ends
@@ -134,8 +135,11 @@ class Simulation:
         beside = (*(self._step.measuring if readout else ()), *(self._episodes.kernels if self._episodes else ()))
         parts = StepperParts(self._step, self.model, self.state, self.control, self.last_readout, threads, beside)
         f = self.model.features
-        few, many = PhasedStepper if f.phased else FusedStepper, BlockStepper if f.by_world else GridStepper
-        self._stepper = (many if f.driver == "grid" else few)(parts)
+        if f.driver == "grid":
+            stepper = GridPhasesStepper if f.phased else BlockStepper if f.by_world else GridStepper
+        else:
+            stepper = PhasedStepper if f.phased else FusedStepper
+        self._stepper = stepper(parts)
 
     @property
     def scene(self) -> Scene:

@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 
 from otwarp.kernels.drivers.lane_groups import threads_for
-from otwarp.kernels.drivers.world_phases import tick
+from otwarp.kernels.drivers.world_phases import WorldPhases, tick
 from otwarp.kernels.step import Step
 from otwarp.simulation.drivers.compilation import load_kernels, usable_cores
 from otwarp.simulation.drivers.launches import RecordedLaunch
@@ -119,26 +119,65 @@ STEPS_PER_GRAPH = 16
 """Steps in the longer of the graphs: launching one takes longer than a step of few worlds."""
 
 
-class PhasedStepper:
-    """Launches the phases of the `world` driver: graphs of one step and of some, replayed."""
+class PhaseGraphs:
+    """Steps of a driver in phases: graphs of one step and of some, replayed.
+
+    Args:
+        parts: What is launched, and on what.
+        beside: Kernels that are loaded along with the phases.
+    """
+
+    def __init__(self, parts: StepperParts, *beside: wp.Kernel):
+        step = parts.step
+        assert step.phases is not None
+        self.model, self.features = parts.model, step.features
+        self.state, self.control, self.readout = parts.state, parts.control, parts.readout
+        load_kernels([*step.phases.all, *beside, *parts.beside], parts.model.device)
+        self.layout = -1
+        self.graphs: dict[int, wp.Graph] = {}
+
+    def _launch(self, kernel: Any, dim: int | tuple[int, int], *inputs: object, block: int | None = None) -> None:
+        if kernel is not None:
+            block = block or kernel.module.options["block_dim"]
+            wp.launch(kernel, dim=dim, inputs=inputs, device=self.model.device, block_dim=block)
+
+    def _take_steps(self, steps: int) -> None:
+        """Launch so many steps."""
+        raise NotImplementedError
+
+    def _capture(self, steps: int) -> wp.Graph:
+        with wp.ScopedCapture(device=self.model.device) as capture:
+            self._take_steps(steps)
+        assert capture.graph is not None
+        return capture.graph
+
+    def _replay(self, steps: int) -> None:
+        """Take so many steps by graphs, or as a part of one that a user captures."""
+        if self.model.device.is_capturing:
+            self._take_steps(steps)
+            return
+        if self.layout != self.control.layout:
+            # an array of the control grew and is another one now; the graphs hold the old address
+            self.graphs, self.layout = {}, self.control.layout
+        for length, times in ((STEPS_PER_GRAPH, steps // STEPS_PER_GRAPH), (1, steps % STEPS_PER_GRAPH)):
+            if times and length not in self.graphs:
+                self.graphs[length] = self._capture(length)
+            for _ in range(times):
+                wp.capture_launch(self.graphs[length])
+
+
+class PhasedStepper(PhaseGraphs):
+    """Launches the phases of the `world` driver."""
 
     def __init__(self, parts: StepperParts):
         step, model = parts.step, parts.model
-        assert step.phases is not None
-        self.phases, self.model = step.phases, model
-        self.state, self.control, self.readout = parts.state, parts.control, parts.readout
+        assert isinstance(step.phases, WorldPhases)
+        self.phases = step.phases
         self.bodies = step.features.bodies
         self.team = step.features.team if model.device.is_cuda else 1
         self.scratch = allocate_world(step.features, model.worlds, model.place)
         self.clock = wp.zeros(1, dtype=wp.int64, device=model.device)
-        load_kernels([*step.phases.all, tick, *parts.beside], model.device)
-        self.layout = -1
-        self.graphs: dict[int, wp.Graph] = {}
-
-    def _launch(self, kernel: Any, dim: int | tuple[int, int], *inputs: object) -> None:
-        if kernel is not None:
-            block = kernel.module.options["block_dim"]
-            wp.launch(kernel, dim=dim, inputs=inputs, device=self.model.device, block_dim=block)
+        super().__init__(parts, tick)
 
     def _take_steps(self, steps: int) -> None:
         """Launch steps from where the clock stands, and turn it on."""
@@ -159,27 +198,10 @@ class PhasedStepper:
             self._launch(phases.finish, team, *free, ahead)
         self._launch(tick, 1, self.clock, steps)
 
-    def _capture(self, steps: int) -> wp.Graph:
-        with wp.ScopedCapture(device=self.model.device) as capture:
-            self._take_steps(steps)
-        assert capture.graph is not None
-        return capture.graph
-
     def advance(self, first_step: int, steps: int, worlds: int | None = None) -> None:
         """Take `steps` steps from `first_step` in all worlds, or in those of the list of worlds in motion."""
-        device = self.model.device
         self.clock.fill_(first_step)
-        if device.is_capturing:
-            self._take_steps(steps)
-        else:
-            if self.layout != self.control.layout:
-                # an array of the control grew and is another one now; the graphs hold the old address
-                self.graphs, self.layout = {}, self.control.layout
-            for length, times in ((STEPS_PER_GRAPH, steps // STEPS_PER_GRAPH), (1, steps % STEPS_PER_GRAPH)):
-                if times and length not in self.graphs:
-                    self.graphs[length] = self._capture(length)
-                for _ in range(times):
-                    wp.capture_launch(self.graphs[length])
+        self._replay(steps)
         self._launch(
             self.phases.report, self.model.worlds, self.model.data, self.readout.data(), self.scratch, self.clock
         )

@@ -10,6 +10,7 @@ from otwarp.kernels.contact.body_solve import nodes_of
 from otwarp.kernels.contact.contact_list import ContactList, unused_fields
 from otwarp.kernels.core.features import KEPT_CONTACTS, Features, world_lanes
 from otwarp.kernels.core.team import LARGEST
+from otwarp.kernels.drivers.grid.data import shares_entries
 from otwarp.kernels.drivers.world_room import SolveRoom, WorldScratch
 from otwarp.simulation.packing.arrays import Place
 
@@ -39,11 +40,16 @@ def keeps_contacts(f: Features, worlds: int, device: wp.Device) -> bool:
 
 def team_for(f: Features, worlds: int, device: wp.Device) -> int:
     """Threads that share out a world in phases: the more, the fewer worlds; one where rods collide, and on a CPU."""
-    if f.phased and not f.rods and device.is_cuda:
+    if f.phased and f.driver == "world" and not f.rods and device.is_cuda:
         for size, threads in TEAM_THREADS.items():
             if size * worlds <= threads * device.sm_count:
                 return size
     return 1
+
+
+def many_in_phases(f: Features, device: wp.Device) -> bool:
+    """Whether worlds of some hundred bodies go through a step part by part: where a GPU shares out their contacts."""
+    return device.is_cuda and shares_entries(f)
 
 
 def largest_launch(f: Features, worlds: int, device: wp.Device) -> int:
@@ -78,7 +84,7 @@ def _lengths(f: Features) -> dict[str, int]:
         lengths = {name: f.max_contacts for name in {**ContactList.vars, **SolveRoom.vars} if name not in unused}
         if "matrix" in lengths:
             lengths["matrix"] = f.max_contacts**2
-    if f.phased:
+    if f.phased and f.driver == "world":
         lengths |= dict.fromkeys(("linear", "angular", "free", "body_drift"), f.bodies)
         lengths |= {"count": 1, "rotation": 0 if f.rigid else f.bodies, "moved": nodes_of(f) if f.body_space else 0}
     return lengths

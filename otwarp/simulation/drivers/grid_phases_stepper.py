@@ -1,0 +1,61 @@
+"""Launching worlds of some hundred bodies in phases, on GPUs: their contacts by a team of threads for each world."""
+
+from __future__ import annotations
+
+import warp as wp
+
+from otwarp.kernels.core.features import world_lanes
+from otwarp.kernels.drivers.grid.phases import GridPhases
+from otwarp.simulation.drivers.grid_scratch import allocate_grid, allocate_push
+from otwarp.simulation.drivers.stepping import PhaseGraphs, StepperParts
+
+TEAM_BLOCK = 64
+"""Threads of a block of teams, or of one larger team: few, so that few worlds are spread over more multiprocessors."""
+
+
+class GridPhasesStepper(PhaseGraphs):
+    """Launches the phases of `by_world`; a world's result depends on its index, seed and step alone."""
+
+    def __init__(self, parts: StepperParts):
+        model = parts.model
+        assert isinstance(parts.step.phases, GridPhases)
+        self.phases = parts.step.phases
+        self.scratch, self.push = allocate_grid(model, parts.state), allocate_push(model)
+        self.lanes = 1 if model.device.is_cpu else world_lanes(model.worlds, model.device.sm_count)
+        super().__init__(parts)
+        self.place()
+
+    def place(self) -> None:
+        """Have new neighbour lists made before the next step."""
+        self.scratch.near.stale.fill_(1)
+
+    def _take_steps(self, steps: int) -> None:
+        phases, worlds = self.phases, self.model.worlds
+        bodies, elements = (worlds, self.features.bodies), (worlds, self.scratch.near.elements)
+        limited = self.features.traps if self.features.speed_limits else 0
+        data, control, state, readout = self.model.data, self.control.data(), self.state.data(), self.readout.data()
+        grid, push = self.scratch, self.push
+        for _ in range(steps):
+            self._launch(phases.refer, elements, data, state, grid)
+            self._launch(phases.list, elements, data, state, grid)
+            self._launch(phases.advance, bodies, data, control, state, grid)
+            self._launch(phases.find, (worlds, max(elements[1], limited)), data, control, state, readout, grid, push)
+            self._settle(0)
+            if phases.correct is not None:
+                self._launch(phases.correct, bodies, data, control, state, grid, push)
+                self._settle(1)
+            self._launch(phases.commit, bodies, data, control, state, readout, grid, push)
+            self._launch(phases.let_in, worlds, data, state, readout, grid)
+
+    def _settle(self, again: int) -> None:
+        """Solve the contacts of a stage."""
+        views = self.model.data, self.state.data(), self.readout.data(), self.scratch, self.push
+        block = 1 if self.model.device.is_cpu else max(self.lanes, TEAM_BLOCK)
+        self._launch(self.phases.settle, (self.model.worlds, self.lanes), *views, self.lanes, again, block=block)
+
+    def advance(self, first_step: int, steps: int, worlds: int | None = None) -> None:
+        """Take `steps` steps from `first_step` in all worlds, or in those of the list of worlds in motion."""
+        elements = self.model.worlds, self.scratch.near.elements
+        span = wp.int64(first_step), wp.int64(first_step + steps)
+        self._launch(self.phases.start, elements, self.model.data, self.state.data(), self.scratch, *span)
+        self._replay(steps)
