@@ -93,7 +93,7 @@ class EntryData:
     likely: wp.array(dtype=wp.float32)  # (N) weight in the row sums of others: 1 if a force is foreseen, else less
     free: wp.array(dtype=wp.float32)  # (N) opening of the gap by the free moves [µm]
     row_sum: wp.array(dtype=wp.float32)  # (N) row sum of G over its diagonal, ≥ 1
-    link: wp.array2d(dtype=wp.int32)  # (W·B, MAX_BODY_CONTACTS) entries of each body
+    link: wp.array2d(dtype=wp.int32)  # (W·B, MAX_BODY_CONTACTS) entries of each body, see `entry_of`
     links: wp.array2d(dtype=wp.int32)  # (W, B) how many of them are solved
     weight: wp.array2d(dtype=wp.int64)  # (W, 2) sums that scale the first guess, see `weigh`
     sweeps: wp.array(dtype=wp.int32)  # (W) how many were taken

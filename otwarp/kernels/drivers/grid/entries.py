@@ -65,21 +65,20 @@ def write_entry_term(f: Features) -> wp.Function:
 
 
 def response_term(f: Features) -> wp.Function:
-    """`(entry, n, a) -> Move`: how body a moves per unit force of its entry n [µm/pN, rad/pN]."""
+    """`(entry, n, side) -> Move`: how the first or second body of entry n moves per unit force [µm/pN, rad/pN]."""
 
     @wp.func
-    def whole_response(entry: EntryData, n: int, a: int) -> Move:
+    def whole_response(entry: EntryData, n: int, side: int) -> Move:
         """Translation [µm/pN] and rotation [rad/pN] of the body per unit force at the contact, along its normal."""
-        other = wp.where(read_pair(entry.body, n)[0] == a, 0, 1)
         return Move(
-            point_of(read_four(entry.part, LINEAR + other, n)), point_of(read_four(entry.part, ANGULAR + other, n))
+            point_of(read_four(entry.part, LINEAR + side, n)), point_of(read_four(entry.part, ANGULAR + side, n))
         )
 
     @wp.func
-    def response_along(entry: EntryData, n: int, a: int) -> Move:
+    def response_along(entry: EntryData, n: int, side: int) -> Move:
         """Translation along the contact's normal [µm/pN]."""
         own = give_of(read_four(entry.part, RIDGE, n))
-        if read_pair(entry.body, n)[0] != a:
+        if side != 0:
             own -= read_four(entry.part, GIVE, n)[0]
         return Move(own * point_of(read_four(entry.part, LAW, n)), wp.vec3(0.0))
 
@@ -114,9 +113,9 @@ def read_entry_term(f: Features) -> wp.Function:
         if wp.static(whole_contacts(f)):
             c.arm_a = point_of(read_four(entry.part, ARM, n))
             c.arm_b = point_of(read_four(entry.part, OTHER_ARM, n))
-        c.response_a = response(entry, n, c.a)
+        c.response_a = response(entry, n, 0)
         if c.b >= 0:
-            c.response_b = response(entry, n, c.b)
+            c.response_b = response(entry, n, 1)
         c.load = read_number(entry.load, n)
         c.force = c.load
         return c
@@ -138,11 +137,23 @@ def end_of_entries(grid: GridData, world: int) -> int:
 
 
 @wp.func
-def link(readout: ReadoutData, grid: GridData, world: int, row: int, a: int, n: int):
-    """Note in the row of body a that entry n is one of its own; a fault if there is no room for it."""
+def entry_of(link: int) -> int:
+    """The entry of a link, which names with it the side that its body is on."""
+    return link >> 1
+
+
+@wp.func
+def side_of(link: int) -> int:
+    """Whether the body of a link is the first of its entry, 0, or the second, 1."""
+    return link & 1
+
+
+@wp.func
+def link(readout: ReadoutData, grid: GridData, world: int, row: int, a: int, n: int, side: int):
+    """Note in the row of body a that it is on a side of entry n; a fault if there is no room for it."""
     k = wp.atomic_add(grid.count, world, a, 1)
     if k < wp.static(MAX_BODY_CONTACTS):
-        write_link(grid.entry.link, row, k, n)
+        write_link(grid.entry.link, row, k, 2 * n + side)
     else:
         raise_fault(readout, world, a, wp.static(int(Fault.OVERFLOW)), grid.clock[world])
 
@@ -155,10 +166,10 @@ def claim(model: ModelData, readout: ReadoutData, grid: GridData, world: int, e:
         n = first_entry(grid, world) + k
         write_pair(grid.entry.pair, n, wp.vec2i(e, other))
         a = model.contact.body[e]
-        link(readout, grid, world, world * model.bodies + a, a, n)
+        link(readout, grid, world, world * model.bodies + a, a, n, 0)
         if other >= 0:
             b = model.contact.body[other]
-            link(readout, grid, world, world * model.bodies + b, b, n)
+            link(readout, grid, world, world * model.bodies + b, b, n, 1)
 
 
 @wp.func
@@ -182,10 +193,10 @@ def sort_links_term(f: Features) -> wp.Function:
         write_link(grid.entry.links, world, a, links)
         for i in range(1, links):
             n = read_link(grid.entry.link, row, i)
-            own = read_pair(grid.entry.pair, n)
+            own = read_pair(grid.entry.pair, entry_of(n))
             k = int(i)
             while k > 0 and comes_after(
-                read_pair(grid.entry.pair, read_link(grid.entry.link, row, wp.max(k - 1, 0))), own
+                read_pair(grid.entry.pair, entry_of(read_link(grid.entry.link, row, wp.max(k - 1, 0)))), own
             ):
                 write_link(grid.entry.link, row, k, read_link(grid.entry.link, row, k - 1))
                 k -= 1

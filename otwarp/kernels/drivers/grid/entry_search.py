@@ -17,6 +17,7 @@ from otwarp.kernels.core.types import ModelData, ReadoutData, StateData
 from otwarp.kernels.drivers.grid.data import GridData, PushData, body_pose_term
 from otwarp.kernels.drivers.grid.entries import (
     claim,
+    entry_of,
     read_link,
     read_pair,
     read_vector,
@@ -174,7 +175,7 @@ def look_again_term(f: Features) -> wp.Function:
         a = model.contact.body[e]
         found = bool(False)
         for k in range(read_link(grid.entry.links, world, a)):
-            pair = read_pair(grid.entry.pair, read_link(grid.entry.link, world * model.bodies + a, k))
+            pair = read_pair(grid.entry.pair, entry_of(read_link(grid.entry.link, world * model.bodies + a, k)))
             found = found or (pair[0] == e and pair[1] == j)
         return found
 

@@ -21,15 +21,16 @@ from otwarp.kernels.drivers.grid.entries import (
     DRIFT,
     LAW,
     end_of_entries,
+    entry_of,
     first_entry,
     read_ahead,
     read_entry_term,
     read_four,
     read_link,
     read_number,
-    read_pair,
     read_vector,
     response_term,
+    side_of,
     sort_links_term,
     write_ahead,
     write_four,
@@ -110,8 +111,9 @@ def row_sum_term(f: Features) -> wp.Function:
         """Σ w |what force j moves the point at an arm of body a along a normal| [µm/pN]."""
         total = float(0.0)
         for k in range(read_link(grid.entry.links, world, a)):
-            j = read_link(grid.entry.link, world * model.bodies + a, k)
-            total += read_number(grid.entry.likely, j) * wp.abs(along(response(grid.entry, j, a), arm, normal))
+            link = read_link(grid.entry.link, world * model.bodies + a, k)
+            one = response(grid.entry, entry_of(link), side_of(link))
+            total += read_number(grid.entry.likely, entry_of(link)) * wp.abs(along(one, arm, normal))
         return total
 
     @wp.func
@@ -136,9 +138,9 @@ def gather_term(f: Features) -> wp.Function:
         if links > 0:
             total = Move(wp.vec3(0.0), wp.vec3(0.0))
             for k in range(links):
-                n = read_link(grid.entry.link, world * model.bodies + a, k)
-                ahead = read_ahead(grid.entry.ahead, turn, n)
-                one = response(grid.entry, n, a)
+                link = read_link(grid.entry.link, world * model.bodies + a, k)
+                ahead = read_ahead(grid.entry.ahead, turn, entry_of(link))
+                one = response(grid.entry, entry_of(link), side_of(link))
                 total.linear += ahead * one.linear
                 total.angular += ahead * one.angular
             write_vector(push.linear, world, a, total.linear)
@@ -155,10 +157,10 @@ def report(model: ModelData, readout: ReadoutData, grid: GridData, world: int, a
     total = float(0.0)
     if grid.touching[world] != 0:
         for k in range(read_link(grid.entry.links, world, a)):
-            n = read_link(grid.entry.link, world * model.bodies + a, k)
-            law = read_four(grid.entry.part, LAW, n)
-            load = read_number(grid.entry.load, n)
-            force += wp.where(read_pair(grid.entry.body, n)[0] == a, load, -load) * point_of(law)
+            link = read_link(grid.entry.link, world * model.bodies + a, k)
+            law = read_four(grid.entry.part, LAW, entry_of(link))
+            load = read_number(grid.entry.load, entry_of(link))
+            force += wp.where(side_of(link) == 0, load, -load) * point_of(law)
             total += wp.abs(load)
     readout.contact_force[world, a] = force
     readout.contact_load[world, a] = total
