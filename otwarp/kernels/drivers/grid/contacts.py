@@ -179,20 +179,6 @@ def gap_error(c: Contact, load: float, overlap: float) -> float:
 
 
 @wp.func
-def error_alone(c: Contact, row_sum: float, end: float, reach: float, change: float) -> float:
-    """How far from its law a contact is [µm] whose load a sweep would change by `change` [pN].
-
-    What the load that it lacks with all others at rest would move: by the slope of Hertz's law at the overlap at which
-    the sweep has it end, and at most row_sum times the change, as where its path asks for a `reach`.
-    """
-    more = row_sum
-    if reach <= 0.0:
-        rigidity = 1.5 * c.give * c.hardness * wp.sqrt(end)
-        more = (1.0 + row_sum * rigidity) / (1.0 + rigidity)
-    return more * wp.abs(change) * c.give
-
-
-@wp.func
 def end_overlap(c: Contact, opened: float, start: float, row_sum: float, reach: float) -> float:
     """Overlap [µm] at which a contact ends whose gap a load of `start` [pN] leaves open by `opened` [µm].
 

@@ -9,13 +9,13 @@ they are, and their pushes: what was looked at is what moves the bodies.
 import warp as wp
 
 from otwarp.kernels.contact.contact import SETTLED, UNSETTLED, Contact, along
-from otwarp.kernels.contact.excursion import path_tolerance, swept_reach
+from otwarp.kernels.contact.excursion import path_tolerance
 from otwarp.kernels.contact.travel import lift_of
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.packed import beside, point_of
 from otwarp.kernels.core.types import ModelData, Move, ReadoutData, StateData
-from otwarp.kernels.drivers.grid.contacts import end_overlap, error_alone, gap_error
+from otwarp.kernels.drivers.grid.contacts import gap_error
 from otwarp.kernels.drivers.grid.data import GridData, PushData
 from otwarp.kernels.drivers.grid.entries import (
     DRIFT,
@@ -37,6 +37,7 @@ from otwarp.kernels.drivers.grid.entries import (
     write_number,
     write_vector,
 )
+from otwarp.kernels.drivers.grid.entry_law import end_root, error_alone, momentum_of, path_reach
 from otwarp.kernels.drivers.grid.entry_search import look_again_term, make_entry_term
 from otwarp.kernels.drivers.grid.move import two_stages
 from otwarp.kernels.drivers.grid.reach import free_opening_term
@@ -50,9 +51,6 @@ WEIGHTS = wp.constant(1.0e7)
 
 MOST_WEIGHT = wp.constant(1.0e9)
 """Most that an entry adds to them [pN·µm]."""
-
-FARTHER = wp.constant(0.8)
-"""How far a sweep goes on beyond its own end where conditions are moderate, see `momentum_of`."""
 
 FIRST_SLACK = wp.constant(10.0)
 """Tolerances of the first of two stages over those of a step: what its loads leave moves the mean drift, and by it a
@@ -217,20 +215,6 @@ def guess_scale(grid: GridData, world: int) -> float:
     return scale
 
 
-@wp.func
-def momentum_of(c: Contact, give: float, end: float, start: float, load: float, sweep: int) -> float:
-    """What a sweep that led from `start` to `load` adds for the next [pN]; none where it went too far: restart.
-
-    A share of the change since the sweep before, as in `contacts`, and where conditions are moderate some of the
-    sweep's own: nearer to Chebyshev's iteration, which on a linear law is almost twice as fast.
-    """
-    root = wp.sqrt(1.0 + 1.5 * give * c.hardness * wp.sqrt(end))
-    share = (root - 1.0) / (root + 1.0)
-    ahead = FARTHER * wp.min(share, 1.0 - share) * (load - start)
-    ahead += wp.min(share, float(sweep) / float(sweep + 3)) * (load - c.load)
-    return wp.where((start - load) * (load - c.load) <= 0.0, ahead, 0.0)
-
-
 def solve_entry_term(f: Features) -> wp.Function:
     """`(readout, grid, push, sweep, scale, slack, world, n, c) -> int`: one sweep over entry n, 1 if it is to go on.
 
@@ -250,15 +234,15 @@ def solve_entry_term(f: Features) -> wp.Function:
         c.load = read_number(entry.load, n)
         row_sum = read_number(entry.row_sum, n)
         opened = read_number(entry.free, n) + scale * pushed_opening(push, world, c)
-        reach = swept_reach(c, opened, start, row_sum)
-        end = end_overlap(c, opened, start, row_sum, reach)
-        load = c.floor + c.hardness * end * wp.sqrt(end)
-        error = error_alone(c, row_sum, end, reach, load - start)
+        reach = path_reach(c, opened, start, row_sum)
+        root = end_root(c, opened, start, row_sum, reach)
+        load = c.floor + c.hardness * root * root * root
+        error = error_alone(c, row_sum, root, reach, load - start)
         if sweep == wp.static(SWEEPS - 1):
             # a free move without bound is the fault that `commit` reports
             if gap_error(c, start, c.overlap - opened) > UNSETTLED * c.radius and finite(grid.linear[world, c.a]):
                 raise_fault(readout, world, c.a, wp.static(int(Fault.UNSETTLED)), grid.clock[world])
-        ahead = wp.max(load + momentum_of(c, row_sum * c.give, end, start, load, sweep), c.floor)
+        ahead = wp.max(load + momentum_of(c, row_sum * c.give, root, start, load, sweep), c.floor)
         write_number(entry.load, n, load)
         write_ahead(entry.ahead, 1 - (sweep & 1), n, ahead)
         return int(error > slack * (wp.static(SETTLED) + path_tolerance(c, reach)))
