@@ -9,8 +9,8 @@ from otwarp.kernels.drivers.grid.phases import GridPhases
 from otwarp.simulation.drivers.grid_scratch import allocate_grid, allocate_push
 from otwarp.simulation.drivers.stepping import PhaseGraphs, StepperParts
 
-TEAM_BLOCK = 64
-"""Threads of a block of teams, or of one larger team: few, so that few worlds are spread over more multiprocessors."""
+TEAM_BLOCK = 256
+"""Threads of a block of teams, or more where one has more: four blocks that keep barriers fit on a multiprocessor."""
 
 
 class GridPhasesStepper(PhaseGraphs):
@@ -21,7 +21,9 @@ class GridPhasesStepper(PhaseGraphs):
         assert isinstance(parts.step.phases, GridPhases)
         self.phases = parts.step.phases
         self.scratch, self.push = allocate_grid(model, parts.state), allocate_push(model)
-        self.lanes = 1 if model.device.is_cpu else world_lanes(model.worlds, model.device.sm_count)
+        device = model.device
+        self.lanes = 1 if device.is_cpu else world_lanes(model.worlds, device.sm_count)
+        self.block = 1 if device.is_cpu else max(self.lanes, TEAM_BLOCK)
         super().__init__(parts)
         self.place()
 
@@ -32,14 +34,14 @@ class GridPhasesStepper(PhaseGraphs):
     def _take_steps(self, steps: int) -> None:
         phases, worlds = self.phases, self.model.worlds
         bodies, elements = (worlds, self.features.bodies), (worlds, self.scratch.near.elements)
-        limited = self.features.traps if self.features.speed_limits else 0
+        found = (worlds, max(elements[1], self.features.traps if self.features.speed_limits else 0))
         data, control, state, readout = self.model.data, self.control.data(), self.state.data(), self.readout.data()
         grid, push = self.scratch, self.push
         for _ in range(steps):
             self._launch(phases.refer, elements, data, state, grid)
             self._launch(phases.list, elements, data, state, grid)
             self._launch(phases.advance, bodies, data, control, state, grid)
-            self._launch(phases.find, (worlds, max(elements[1], limited)), data, control, state, readout, grid, push)
+            self._launch(phases.find, found, data, control, state, readout, grid, push)
             self._settle(0)
             if phases.correct is not None:
                 self._launch(phases.correct, bodies, data, control, state, grid, push)
@@ -50,8 +52,7 @@ class GridPhasesStepper(PhaseGraphs):
     def _settle(self, again: int) -> None:
         """Solve the contacts of a stage."""
         views = self.model.data, self.state.data(), self.readout.data(), self.scratch, self.push
-        block = 1 if self.model.device.is_cpu else max(self.lanes, TEAM_BLOCK)
-        self._launch(self.phases.settle, (self.model.worlds, self.lanes), *views, self.lanes, again, block=block)
+        self._launch(self.phases.settle, (self.model.worlds, self.lanes), *views, self.lanes, again, block=self.block)
 
     def advance(self, first_step: int, steps: int, worlds: int | None = None) -> None:
         """Take `steps` steps from `first_step` in all worlds, or in those of the list of worlds in motion."""

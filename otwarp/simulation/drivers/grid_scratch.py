@@ -209,6 +209,8 @@ def allocate_entries(model: Model, elements: int) -> Annotated[Any, EntryData]:
         setattr(data, name, empty(room, wp.float32, device))
     data.ahead = empty((2, room), wp.float32, device)
     data.link = empty((own * f.bodies, MAX_BODY_CONTACTS), wp.int32, device)
+    data.touched = wp.zeros(own * f.bodies, dtype=wp.int32, device=device)
+    data.touches = wp.zeros(own, dtype=wp.int32, device=device)
     data.links = wp.zeros((own, f.bodies), dtype=wp.int32, device=device)
     data.weight = wp.zeros((own, 2), dtype=wp.int64, device=device)
     data.sweeps = wp.zeros(own, dtype=wp.int32, device=device)

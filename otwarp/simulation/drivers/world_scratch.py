@@ -55,7 +55,9 @@ def many_in_phases(f: Features, device: wp.Device) -> bool:
 def largest_launch(f: Features, worlds: int, device: wp.Device) -> int:
     """Threads of the largest launch over the traps or bodies of `worlds` worlds, of any driver or readout."""
     lanes = world_lanes(worlds, device.sm_count) if f.by_world and device.is_cuda else 1
-    return worlds * max(f.traps + f.bodies, spread_of(worlds, device), lanes, f.team * f.bodies)
+    return worlds * max(
+        f.traps + f.bodies, spread_of(worlds, device), lanes, f.team * (1 if f.driver == "grid" else f.bodies)
+    )
 
 
 def allocate_world(features: Features, rows: int, place: Place) -> Annotated[Any, WorldScratch]:

@@ -95,6 +95,8 @@ class EntryData:
     row_sum: wp.array(dtype=wp.float32)  # (N) row sum of G over its diagonal, ≥ 1
     link: wp.array2d(dtype=wp.int32)  # (W·B, MAX_BODY_CONTACTS) entries of each body, see `entry_of`
     links: wp.array2d(dtype=wp.int32)  # (W, B) how many of them are solved
+    touched: wp.array(dtype=wp.int32)  # (W·B) bodies of each world that have some, in its first places
+    touches: wp.array(dtype=wp.int32)  # (W) how many
     weight: wp.array2d(dtype=wp.int64)  # (W, 2) sums that scale the first guess, see `weigh`
     sweeps: wp.array(dtype=wp.int32)  # (W) how many were taken
 

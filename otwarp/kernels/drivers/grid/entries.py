@@ -152,6 +152,9 @@ def side_of(link: int) -> int:
 def link(readout: ReadoutData, grid: GridData, world: int, row: int, a: int, n: int, side: int):
     """Note in the row of body a that it is on a side of entry n; a fault if there is no room for it."""
     k = wp.atomic_add(grid.count, world, a, 1)
+    if k == 0:
+        bodies = grid.count.shape[1]
+        grid.entry.touched[world * bodies + wp.atomic_add(grid.entry.touches, world, 1)] = a
     if k < wp.static(MAX_BODY_CONTACTS):
         write_link(grid.entry.link, row, k, 2 * n + side)
     else:
@@ -170,6 +173,20 @@ def claim(model: ModelData, readout: ReadoutData, grid: GridData, world: int, e:
         if other >= 0:
             b = model.contact.body[other]
             link(readout, grid, world, world * model.bodies + b, b, n, 1)
+
+
+@wp.func
+def touched_body(model: ModelData, grid: GridData, world: int, i: int) -> int:
+    """Body i of those of a world that are part of entries, in no order: each is gathered by itself."""
+    return grid.entry.touched[world * model.bodies + i]
+
+
+@wp.func
+def no_entries(grid: GridData, world: int):
+    """Begin a step of a world without entries."""
+    grid.touching[world] = 0
+    grid.entry.total[world] = 0
+    grid.entry.touches[world] = 0
 
 
 @wp.func

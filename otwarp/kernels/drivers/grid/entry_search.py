@@ -25,7 +25,7 @@ from otwarp.kernels.drivers.grid.entries import (
     write_number,
 )
 from otwarp.kernels.drivers.grid.lists import arm_term, sphere_contact_term
-from otwarp.kernels.drivers.grid.neighbours import FULL, next_in_cells_term
+from otwarp.kernels.drivers.grid.neighbours import FULL, next_in_cells_term, obstacle_bit
 from otwarp.kernels.drivers.grid.reach import free_opening_term, wall_contact_term, wall_hit_term, wall_reach_term
 
 UNLIKELY = wp.constant(0.25)
@@ -149,15 +149,17 @@ def look_around_term(f: Features) -> wp.Function:
                         if may_meet(grid, gap):
                             claim(model, readout, grid, world, e, j - first)
         if wp.static(bool(f.obstacles)):
-            if grid.near.walled[first + e] != 0:
+            near = grid.near.walled[first + e]
+            if near != 0:
                 a = model.contact.body[e]
                 sphere = model.contact.sphere[e]
                 pose = body_pose(state, world, a)
                 far = wall_reach(model, grid, world, a, radius_of(sphere))
                 for o in range(model.obstacles.shape.shape[0]):
-                    at = wall_hit(model, o, pose, arm_of(pose, sphere), far, grid.clock[world])
-                    if distance_of(at.hit) < far:
-                        claim(model, readout, grid, world, e, obstacle_name(o))
+                    if near & obstacle_bit(o) != 0:
+                        at = wall_hit(model, o, pose, arm_of(pose, sphere), far, grid.clock[world])
+                        if distance_of(at.hit) < far:
+                            claim(model, readout, grid, world, e, obstacle_name(o))
 
     return look_around
 

@@ -32,6 +32,7 @@ from otwarp.kernels.drivers.grid.entries import (
     response_term,
     side_of,
     sort_links_term,
+    touched_body,
     write_ahead,
     write_four,
     write_number,
@@ -291,8 +292,15 @@ def sweep_term(f: Features) -> wp.Function:
                 meet(me)
             if busy or scale != 1.0:
                 # for the next sweep, or for a first guess of which a share was enough
-                for a in range(me.lane, model.bodies, lanes):
-                    gather(model, grid, push, wp.where(busy, 1 - (sweep & 1), 0), world, a)
+                for i in range(me.lane, grid.entry.touches[world], lanes):
+                    gather(
+                        model,
+                        grid,
+                        push,
+                        wp.where(busy, 1 - (sweep & 1), 0),
+                        world,
+                        touched_body(model, grid, world, i),
+                    )
                 meet(me)
             scale = 1.0
             sweep += 1
@@ -326,8 +334,8 @@ def make_entries_term(f: Features) -> wp.Function:
             if not first:
                 write_number(grid.entry.load, n, 0.0)
                 write_ahead(grid.entry.ahead, 0, n, 0.0)
-        for a in range(me.lane, model.bodies, me.lanes):
-            sort_links(model, grid, push, me.world, a)
+        for i in range(me.lane, grid.entry.touches[me.world], me.lanes):
+            sort_links(model, grid, push, me.world, touched_body(model, grid, me.world, i))
         if first and me.lane == 0:
             grid.entry.weight[me.world, 0] = wp.int64(0)
             grid.entry.weight[me.world, 1] = wp.int64(0)
@@ -367,8 +375,8 @@ def settle_entries_term(f: Features) -> wp.Function:
                 for n in range(first_entry(grid, world) + me.lane, last, me.lanes):
                     begin_entry(model, grid, push, world, n, again != 0 and n >= lifted)
                 if first:
-                    for a in range(me.lane, model.bodies, me.lanes):
-                        gather(model, grid, push, 0, world, a)
+                    for i in range(me.lane, grid.entry.touches[world], me.lanes):
+                        gather(model, grid, push, 0, world, touched_body(model, grid, world, i))
                 meet(me)
                 sweep_entries(model, readout, grid, push, me, first, slack)
                 if wp.static(f.pairs):

@@ -17,6 +17,7 @@ from otwarp.kernels.core.packed import beside, radius_of
 from otwarp.kernels.core.types import ControlData, ModelData, ReadoutData, StateData
 from otwarp.kernels.core.worlds import start_term, world_term
 from otwarp.kernels.drivers.grid.data import GridData, PushData
+from otwarp.kernels.drivers.grid.entries import no_entries
 from otwarp.kernels.drivers.grid.entry_search import look_around_term
 from otwarp.kernels.drivers.grid.inlets import let_bodies_in_term
 from otwarp.kernels.drivers.grid.move import correct_term, two_stages
@@ -119,8 +120,7 @@ def make_refer(f: Features) -> wp.Kernel:
             return
         if e == 0:
             grid.clock[world] = grid.clock[world] + wp.int64(1)
-            grid.touching[world] = 0
-            grid.entry.total[world] = 0
+            no_entries(grid, world)
         if grid.near.stale[world] != 0:
             refer(model, state, grid, world, world * grid.near.elements + e)
 
@@ -169,7 +169,12 @@ def make_find(f: Features) -> wp.Kernel:
 
     @kernel_of(f)
     def find(
-        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData, push: PushData
+        model: ModelData,
+        control: ControlData,
+        state: StateData,
+        readout: ReadoutData,
+        grid: GridData,
+        push: PushData,
     ):
         """Claim entries for an element, and move a trap one step on."""
         place, n = wp.tid()
@@ -192,7 +197,13 @@ def make_settle(f: Features) -> wp.Kernel:
 
     @kernel_of(f, WORLD_BLOCK, 1)
     def settle(
-        model: ModelData, state: StateData, readout: ReadoutData, grid: GridData, push: PushData, lanes: int, again: int
+        model: ModelData,
+        state: StateData,
+        readout: ReadoutData,
+        grid: GridData,
+        push: PushData,
+        lanes: int,
+        again: int,
     ):
         """Contact forces of a world, by `lanes` threads; `again` in the second stage."""
         place, lane = wp.tid()
@@ -225,7 +236,12 @@ def make_commit(f: Features) -> wp.Kernel:
 
     @kernel_of(f)
     def commit(
-        model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, grid: GridData, push: PushData
+        model: ModelData,
+        control: ControlData,
+        state: StateData,
+        readout: ReadoutData,
+        grid: GridData,
+        push: PushData,
     ):
         """The new pose of a body, which has no entries then."""
         place, b = wp.tid()

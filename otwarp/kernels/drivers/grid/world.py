@@ -14,6 +14,7 @@ from otwarp.kernels.core.packed import radius_of
 from otwarp.kernels.core.types import ControlData, ModelData, ReadoutData, StateData
 from otwarp.kernels.core.worlds import start_term, world_term
 from otwarp.kernels.drivers.grid.data import GridData, PushData, shares_entries
+from otwarp.kernels.drivers.grid.entries import no_entries
 from otwarp.kernels.drivers.grid.entry_search import look_around_term
 from otwarp.kernels.drivers.grid.entry_sweeps import report, settle_entries_term
 from otwarp.kernels.drivers.grid.inlets import let_bodies_in_term
@@ -163,7 +164,7 @@ def finish_term(f: Features) -> wp.Function:
                     grid.outside[me.world] = 0
             grid.touching[me.world] = 0
             if wp.static(shares_entries(f)):
-                grid.entry.total[me.world] = 0
+                no_entries(grid, me.world)
             grid.clock[me.world] = grid.clock[me.world] + wp.int64(1)
         keep_together()
 
@@ -186,7 +187,7 @@ def steps_term(f: Features) -> wp.Function:
             grid.clock[me.world] = first_step
             grid.until[me.world] = last_step
             if wp.static(shares_entries(f)):
-                grid.entry.total[me.world] = 0
+                no_entries(grid, me.world)
         if wp.static(f.contacts):
             first = me.world * grid.near.elements
             for i in range(first + me.lane, first + grid.near.elements, me.lanes):

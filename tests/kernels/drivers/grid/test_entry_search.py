@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from otwarp.simulation.drivers.block_stepper import BlockStepper
+from otwarp.simulation.drivers.grid_phases_stepper import GridPhasesStepper
 from otwarp.simulation.simulation import Simulation
 from tests.kernels.drivers.grid.test_entry_sweeps import ended
 from tests.simulation.setups import harmonic, neutral
@@ -22,7 +23,7 @@ def shoved_row(device: str) -> dict[str, np.ndarray]:
     traps = (harmonic("T0", (0.9, 0, 0), cutoff=1.0), harmonic("T1", (0, 40.0, 0), cutoff=1.0))
     sim = Simulation(still((*row, *away), 5e-4, traps), device=device, allow_large_step=True)
     sim.step()
-    return ended(sim) | {"shared": np.array(isinstance(sim._stepper, BlockStepper))}
+    return ended(sim) | {"shared": np.array(isinstance(sim._stepper, BlockStepper | GridPhasesStepper))}
 
 
 @pytest.mark.thorough

@@ -7,6 +7,7 @@ import pytest
 
 from otwarp.kernels.drivers.grid.entry_sweeps import WEIGHTS
 from otwarp.simulation.drivers.block_stepper import BlockStepper
+from otwarp.simulation.drivers.grid_phases_stepper import GridPhasesStepper
 from otwarp.simulation.drivers.grid_stepper import GridStepper
 from otwarp.simulation.simulation import Simulation
 from tests.kernels.drivers.grid.test_turns import jostling
@@ -57,7 +58,7 @@ def test_the_first_guess_is_weighed_as_from_lists_by_body(monkeypatch, device):
     shared = Simulation(scene, device=device, allow_large_step=True)
     monkeypatch.setattr("otwarp.simulation.composition.GRID_WORLD_BODIES", 0)
     swept = Simulation(scene, device=device, allow_large_step=True)
-    for sim, stepper in ((shared, BlockStepper), (swept, GridStepper)):
+    for sim, stepper in ((shared, BlockStepper | GridPhasesStepper), (swept, GridStepper)):
         assert isinstance(sim._stepper, stepper)
         sim.step()
     weight = shared._stepper.scratch.entry.weight.numpy()[0] / WEIGHTS
@@ -75,7 +76,7 @@ def test_no_entry_is_left_out_of_its_tolerance(make, monkeypatch, device):
     """
     monkeypatch.setattr("otwarp.simulation.model.takes_turns", lambda *about: False)
     sim = Simulation(make(), seed=4, device=device, threads=1, allow_large_step=True)
-    assert isinstance(sim._stepper, BlockStepper)
+    assert isinstance(sim._stepper, BlockStepper | GridPhasesStepper)
     sim.step(180)
     worst, carrying = 0.0, 0
     for _ in range(100):

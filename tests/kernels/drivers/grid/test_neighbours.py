@@ -11,6 +11,7 @@ from otwarp.kernels.cpu.pair_block import PAIRS
 from otwarp.kernels.drivers.grid.neighbours import FULL, NEIGHBOURS
 from otwarp.scene import Scene
 from otwarp.simulation.drivers.block_stepper import BlockStepper
+from otwarp.simulation.drivers.grid_phases_stepper import GridPhasesStepper
 from otwarp.simulation.drivers.grid_scratch import choose_cells
 from otwarp.simulation.drivers.grid_stepper import GridStepper
 from otwarp.simulation.simulation import Simulation
@@ -28,9 +29,9 @@ CROWDS = {
 }
 
 
-def grid_stepper(sim: Simulation) -> GridStepper | BlockStepper:
+def grid_stepper(sim: Simulation) -> GridStepper | BlockStepper | GridPhasesStepper:
     """Its stepper, of the grid driver."""
-    assert isinstance(sim._stepper, GridStepper | BlockStepper)
+    assert isinstance(sim._stepper, GridStepper | BlockStepper | GridPhasesStepper)
     return sim._stepper
 
 

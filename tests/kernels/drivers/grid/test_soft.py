@@ -12,6 +12,7 @@ from otwarp.errors import SimulationError
 from otwarp.kernels.drivers.grid import soft
 from otwarp.scene import Scene
 from otwarp.simulation.drivers.block_stepper import BlockStepper
+from otwarp.simulation.drivers.grid_phases_stepper import GridPhasesStepper
 from otwarp.simulation.drivers.grid_stepper import GridStepper
 from otwarp.simulation.model import Model
 from otwarp.simulation.simulation import Simulation
@@ -68,7 +69,7 @@ def test_neither_grouping_nor_other_worlds_change_a_bit(make):
     alone.step(60)
     for _ in range(60):
         single.step()
-    assert isinstance(whole._stepper, GridStepper | BlockStepper)
+    assert isinstance(whole._stepper, GridStepper | BlockStepper | GridPhasesStepper)
     assert whole._stepper.scratch.near.builds.numpy()[0] >= 2
     assert bits(parts) == bits(whole) == bits(single)
     assert bits(whole, worlds=1) == bits(alone)

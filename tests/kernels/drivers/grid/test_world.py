@@ -16,6 +16,7 @@ from otwarp.kernels.drivers.grid.teams import Lane
 from otwarp.kernels.drivers.grid.world import steps_term
 from otwarp.scene import Scene
 from otwarp.simulation.drivers.block_stepper import BlockStepper
+from otwarp.simulation.drivers.grid_phases_stepper import GridPhasesStepper
 from otwarp.simulation.drivers.grid_stepper import GridStepper
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import robot
@@ -44,7 +45,7 @@ def ended(sim: Simulation) -> dict[str, np.ndarray]:
     }
 
 
-def stepped(scene: Scene, device: str, stepper: type) -> dict[str, np.ndarray]:
+def stepped(scene: Scene, device: str, stepper: type | tuple[type, ...]) -> dict[str, np.ndarray]:
     """Two worlds after some steps in two calls."""
     sim = Simulation(scene, worlds=2, seed=4, device=device)
     assert isinstance(sim._stepper, stepper)
@@ -60,7 +61,7 @@ def test_a_world_by_itself_is_that_of_launches_for_all(make, turns, monkeypatch,
     """Contacts in turns bit for bit, and in sweeps to what these leave; of lone spheres and of bodies that turn."""
     if not turns:
         monkeypatch.setattr("otwarp.simulation.model.takes_turns", lambda *about: False)
-    alone = stepped(make(), device, BlockStepper)
+    alone = stepped(make(), device, (BlockStepper, GridPhasesStepper))
     monkeypatch.setattr("otwarp.simulation.composition.GRID_WORLD_BODIES", 0)
     together = stepped(make(), device, GridStepper)
     assert np.count_nonzero(alone["load"]) > 10
@@ -155,7 +156,7 @@ def test_threads_of_a_block_go_in_any_order_between_barriers(monkeypatch, device
     monkeypatch.setattr("otwarp.kernels.drivers.grid.entry_sweeps.any_of", any_together)
     kernel = one_lane(shared)
     stepper: Any = shared._stepper
-    control, state, readout = (part.data() for part in (shared.control, shared.state, stepper.parts.readout))
+    control, state, readout = (part.data() for part in (shared.control, shared.state, shared.last_readout))
     views = [shared.model.data, control, state, readout, stepper.scratch, stepper.push]
     kernel.module.load(device, 1)
     with ThreadPoolExecutor(LANES) as pool:
