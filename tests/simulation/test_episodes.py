@@ -9,6 +9,7 @@ import pytest
 import warp as wp
 
 import otwarp as ot
+from otwarp.simulation.drivers.stepping import PhaseGraphs
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import bead_scene, harmonic, line
 from tests.simulation.test_determinism import crowd_scene, touching_scene
@@ -128,6 +129,8 @@ def test_a_trial_by_its_number(scene, plain, device):
 
 def test_only_worlds_in_motion_are_launched(scene, device, monkeypatch):
     sim = simulate(scene, device, threads=1)
+    if isinstance(sim._stepper, PhaseGraphs):
+        pytest.skip("graphs are of powers of two")
     finish(sim, [w for w in range(WORLDS) if w != 6])
     spans, launch = [], sim._stepper._launch
     monkeypatch.setattr(sim._stepper, "_launch", lambda n, span, *more: (spans.append(span), launch(n, span, *more)))

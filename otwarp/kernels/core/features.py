@@ -41,10 +41,10 @@ WORLD_LANES = 64
 """Threads that share out such a world at least: a block has barriers for no more worlds than these make."""
 
 
-def world_lanes(worlds: int, processors: int) -> int:
-    """Threads that share out a world: no more than give each multiprocessor a block, a power of two."""
+def world_lanes(worlds: int, processors: int, least: int = WORLD_LANES) -> int:
+    """Threads that share out a world: no more than give each multiprocessor a block, a power of two from `least` on."""
     lanes = WORLD_BLOCK
-    while lanes > WORLD_LANES and worlds * lanes > WORLD_BLOCK * processors:
+    while lanes > least and worlds * lanes > WORLD_BLOCK * processors:
         lanes //= 2
     return lanes
 

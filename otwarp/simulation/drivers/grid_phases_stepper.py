@@ -9,6 +9,9 @@ from otwarp.kernels.drivers.grid.phases import GridPhases
 from otwarp.simulation.drivers.grid_scratch import allocate_grid, allocate_push
 from otwarp.simulation.drivers.stepping import PhaseGraphs, StepperParts
 
+TEAM_LANES = 32
+"""Threads of a team at least: a world has some tens of entries."""
+
 TEAM_BLOCK = 256
 """Threads of a block of teams, or more where one has more: four blocks that keep barriers fit on a multiprocessor."""
 
@@ -22,7 +25,7 @@ class GridPhasesStepper(PhaseGraphs):
         self.phases = parts.step.phases
         self.scratch, self.push = allocate_grid(model, parts.state), allocate_push(model)
         device = model.device
-        self.lanes = 1 if device.is_cpu else world_lanes(model.worlds, device.sm_count)
+        self.lanes = 1 if device.is_cpu else world_lanes(model.worlds, device.sm_count, least=TEAM_LANES)
         self.block = 1 if device.is_cpu else max(self.lanes, TEAM_BLOCK)
         super().__init__(parts)
         self.place()
@@ -32,7 +35,7 @@ class GridPhasesStepper(PhaseGraphs):
         self.scratch.near.stale.fill_(1)
 
     def _take_steps(self, steps: int) -> None:
-        phases, worlds = self.phases, self.model.worlds
+        phases, worlds = self.phases, self.places
         bodies, elements = (worlds, self.features.bodies), (worlds, self.scratch.near.elements)
         found = (worlds, max(elements[1], self.features.traps if self.features.speed_limits else 0))
         data, control, state, readout = self.model.data, self.control.data(), self.state.data(), self.readout.data()
@@ -52,11 +55,13 @@ class GridPhasesStepper(PhaseGraphs):
     def _settle(self, again: int) -> None:
         """Solve the contacts of a stage."""
         views = self.model.data, self.state.data(), self.readout.data(), self.scratch, self.push
-        self._launch(self.phases.settle, (self.model.worlds, self.lanes), *views, self.lanes, again, block=self.block)
+        self._launch(self.phases.settle, (self.places, self.lanes), *views, self.lanes, again, block=self.block)
 
     def advance(self, first_step: int, steps: int, worlds: int | None = None) -> None:
         """Take `steps` steps from `first_step` in all worlds, or in those of the list of worlds in motion."""
-        elements = self.model.worlds, self.scratch.near.elements
+        # graphs of powers of two: few, and no more than twice as many places as there are worlds in motion
+        self.places = min(1 << ((worlds or self.model.worlds) - 1).bit_length(), self.model.worlds)
+        elements = self.places, self.scratch.near.elements
         span = wp.int64(first_step), wp.int64(first_step + steps)
         self._launch(self.phases.start, elements, self.model.data, self.state.data(), self.scratch, *span)
         self._replay(steps)

@@ -125,6 +125,9 @@ class PhaseGraphs:
     Args:
         parts: What is launched, and on what.
         beside: Kernels that are loaded along with the phases.
+
+    Attributes:
+        places: Worlds over which the next steps are launched, or places in the list of those in motion.
     """
 
     def __init__(self, parts: StepperParts, *beside: wp.Kernel):
@@ -133,8 +136,8 @@ class PhaseGraphs:
         self.model, self.features = parts.model, step.features
         self.state, self.control, self.readout = parts.state, parts.control, parts.readout
         load_kernels([*step.phases.all, *beside, *parts.beside], parts.model.device)
-        self.layout = -1
-        self.graphs: dict[int, wp.Graph] = {}
+        self.places, self.layout = parts.model.worlds, -1
+        self.graphs: dict[tuple[int, int], wp.Graph] = {}
 
     def _launch(self, kernel: Any, dim: int | tuple[int, int], *inputs: object, block: int | None = None) -> None:
         if kernel is not None:
@@ -160,10 +163,11 @@ class PhaseGraphs:
             # an array of the control grew and is another one now; the graphs hold the old address
             self.graphs, self.layout = {}, self.control.layout
         for length, times in ((STEPS_PER_GRAPH, steps // STEPS_PER_GRAPH), (1, steps % STEPS_PER_GRAPH)):
-            if times and length not in self.graphs:
-                self.graphs[length] = self._capture(length)
+            which = length, self.places
+            if times and which not in self.graphs:
+                self.graphs[which] = self._capture(length)
             for _ in range(times):
-                wp.capture_launch(self.graphs[length])
+                wp.capture_launch(self.graphs[which])
 
 
 class PhasedStepper(PhaseGraphs):
