@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 
 from otwarp.kernels.drivers.lane_groups import threads_for
-from otwarp.kernels.drivers.world_phases import WorldPhases, tick
+from otwarp.kernels.drivers.world_phases import tick
 from otwarp.kernels.step import Step
 from otwarp.simulation.drivers.compilation import load_kernels, usable_cores
 from otwarp.simulation.drivers.launches import RecordedLaunch
@@ -175,8 +175,7 @@ class PhasedStepper(PhaseGraphs):
 
     def __init__(self, parts: StepperParts):
         step, model = parts.step, parts.model
-        assert isinstance(step.phases, WorldPhases)
-        self.phases = step.phases
+        self.phases: Any = step.phases  # of the float64 form, another class
         self.bodies = step.features.bodies
         self.team = step.features.team if model.device.is_cuda else 1
         self.scratch = allocate_world(step.features, model.worlds, model.place)

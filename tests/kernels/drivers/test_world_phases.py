@@ -9,6 +9,7 @@ import pytest
 
 from otwarp.errors import SimulationError
 from otwarp.kernels.core.faults import Fault
+from otwarp.kernels.core.precision import kernel_module
 from otwarp.kernels.step import make_step
 from otwarp.simulation.drivers.stepping import FusedStepper, PhasedStepper, StepperParts
 from otwarp.simulation.simulation import Simulation
@@ -47,6 +48,19 @@ def test_same_steps_however_launched(form, device):
         a, b = (getattr(s.state if name == "position" else s.readout, name).numpy() for s in (fused, phased))
         assert np.abs(a).max() > 0.01
         np.testing.assert_allclose(b, a, **same)
+
+
+def test_phases_of_float64_follow_those_of_float32(device):
+    """Their kernels, and what holds them, are other ones of the same source."""
+    narrow = stepped_as("phases", device)
+    wide = Simulation(touching_scene(), worlds=WORLDS, seed=31, device=device, precision="float64")
+    step = kernel_module("step", "float64").make_step(
+        dataclasses.replace(wide.model.features, cached=False, phased=True, team=1)
+    )
+    wide._stepper = PhasedStepper(StepperParts(step, wide.model, wide.state, wide.control, wide.last_readout))
+    for sim in (narrow, wide):
+        sim.step(20)
+    np.testing.assert_allclose(wide.state.position.numpy(), narrow.state.position.numpy(), atol=1e-4)
 
 
 @pytest.mark.parametrize("form", ["phases", "teams"])

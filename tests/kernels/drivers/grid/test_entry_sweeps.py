@@ -38,14 +38,14 @@ def ended(sim: Simulation) -> dict[str, np.ndarray]:
 
 
 def test_shared_entries_have_the_forces_of_lists_by_body(monkeypatch, device):
-    """To what sweeps leave: 1e-6 µm of a gap."""
+    """To what sweeps leave: 1e-6 µm of each gap, of lists by body somewhat more."""
     monkeypatch.setattr("otwarp.simulation.composition.MAX_WORLD_BODIES", 0)
     monkeypatch.setattr("otwarp.simulation.model.takes_turns", lambda *about: False)
     shared = squeezed_rows(device)
     monkeypatch.setattr("otwarp.simulation.composition.GRID_WORLD_BODIES", 0)
     swept = squeezed_rows(device)
     assert np.count_nonzero(swept["load"]) == 10
-    np.testing.assert_allclose(shared["place"], swept["place"], atol=2e-6)
+    np.testing.assert_allclose(shared["place"], swept["place"], atol=4e-6)
     for name in ("force", "load"):
         np.testing.assert_allclose(shared[name], swept[name], atol=5e-3 * swept["load"].max(), err_msg=name)
 
