@@ -149,6 +149,21 @@ def pytest_configure(config: pytest.Config) -> None:
         wp.config.optimization_level = 0
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave out, unread, what a run of all tests has no test in: reading it takes each worker as long as testing."""
+    here = Path(__file__).parent
+    if not collection_path.name.startswith("test_") or {Path(name).resolve() for name in config.args} != {here}:
+        return None
+    file = collection_path.relative_to(here).as_posix()
+    chosen = {"stepping": file.startswith(STEPPING), "not stepping": not file.startswith(STEPPING)}
+    if not chosen.get(config.option.markexpr, True):
+        return True
+    asked = config.getoption("--thorough") or config.getoption("--validate")
+    if file.startswith(THOROUGH) and not asked and "mark.quick" not in collection_path.read_text(encoding="utf-8"):
+        return True
+    return None
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     left_out = {}
     if config.getoption("--gpu-forms"):
