@@ -67,6 +67,7 @@ def test_a_session_without_a_page(capfd):
 )
 def test_bad_input_is_one_line_and_nothing_starts(command, options, line, capfd, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("otwarp.teleop.session.LiveLoop", None)  # its kernels would take longer than reading a line
     quiet = [option for option in QUIET if option not in options]
     if "--budget" in options:
         quiet = ["--no-page", "--device", "cpu"]

@@ -200,14 +200,14 @@ def create_device(spec: DeviceSpec) -> Device:
 
 
 def probe_devices(specs: Sequence[DeviceSpec]) -> None:
-    """Open and close the devices that may be, so that one that is not there is an error before long work begins.
+    """Make all devices, and open and close those that may be: what is wrong is an error before long work begins.
 
     Raises:
-        InputError: One is not there.
+        InputError: The argument of one is bad, or one that may be opened is not there.
     """
     for spec in specs:
+        device = create_device(spec)
         if KINDS[spec.kind].probe:
-            device = create_device(spec)
             try:
                 device.open()
             finally:
