@@ -335,6 +335,7 @@ assert code == 0, code
 """
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize(
     ("code", "absent", "present"),
     [

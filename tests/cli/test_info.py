@@ -35,6 +35,7 @@ def test_info_names_the_precision_beside_the_driver(device: str, capfd: pytest.C
     assert "(driver: solo, float32, fast math)" in capfd.readouterr().out
 
 
+@pytest.mark.thorough
 def test_info_refuses_what_the_run_would(device: str, capfd: pytest.CaptureFixture[str]) -> None:
     for command in (["info", CROWD], ["run", CROWD, "--out", "never-made"]):
         assert main([*command, "--device", device, "--precision", "float64"]) == 2
@@ -43,6 +44,7 @@ def test_info_refuses_what_the_run_would(device: str, capfd: pytest.CaptureFixtu
     assert not Path("never-made").exists()
 
 
+@pytest.mark.thorough
 def test_info_says_what_a_world_takes(device: str, capfd: pytest.CaptureFixture[str]) -> None:
     few, many = (ask(capfd, device, "--worlds", n) for n in ("100", "1100"))
     assert many["memory"] - few["memory"] == 1000 * few["memory_per_world"]["state"] > 0

@@ -86,6 +86,7 @@ def test_a_scene_is_described_by_its_name_or_file(capsys, tmp_path: Path):
     assert task_named(str(packed)).hands == task_named("teleop_small").hands
 
 
+@pytest.mark.thorough
 def test_a_policy_plays_an_episode(capsys):
     assert main(["envs", "play", "otwarp/Navigate-v0", "--policy", "still"]) == 0
     assert "seed 0: failure" in capsys.readouterr().out

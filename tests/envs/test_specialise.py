@@ -66,6 +66,7 @@ def by_module(now: TaskNow, body: int) -> float:
     return geometry.find_gap(now, body)
 
 
+@pytest.mark.thorough
 def test_a_gap_is_the_same_however_a_term_comes_by_it(device):
     """Known before the terms, found by one that names no body, or found by the function for all shapes."""
     rewards = (t.gap(body=BEAD), enclosed(geometry.gap_of)(), by_module(body=BEAD), t.goal_distance(body=BEAD))

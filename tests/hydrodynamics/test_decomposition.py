@@ -63,6 +63,7 @@ def test_a_sphere_comes_back():
     assert d.mobility_error < 0.01
 
 
+@pytest.mark.thorough
 def test_a_dumbbell_comes_back():
     """Two spheres apart, as one mesh of two parts."""
     a, b = trimesh.creation.icosphere(4, radius=1.0), trimesh.creation.icosphere(4, radius=0.6)
@@ -75,6 +76,7 @@ def test_a_dumbbell_comes_back():
     assert d.mobility_error < 0.02
 
 
+@pytest.mark.thorough
 def test_wanted_volume_error_is_kept():
     mesh = trimesh.creation.capsule(height=4.0, radius=1.0)
     d = decompose(mesh, volume_error=0.08)

@@ -136,6 +136,7 @@ def test_moving_obstacles_are_waited_for_by_who_keeps_a_gap(device):
     assert 100 < waited[0] < 5000 and waited[1] == 0
 
 
+@pytest.mark.quick
 def test_more_submovements_than_there_is_room_for_are_refused():
     with pytest.raises(InputError, match="submovements"):
         loop_of(operators(1, interval=0.1))

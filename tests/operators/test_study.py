@@ -37,7 +37,6 @@ def test_work_on_the_hands_is_what_the_servo_counts(device):
     np.testing.assert_allclose(loop.people.accounts()["work"], given, rtol=0.05, atol=1e-6)
 
 
-@pytest.mark.quick
 def test_haptics_without_force_are_no_haptics(device, trials):
     """Bit for bit: the force alone tells the conditions apart."""
     none = study(conditions=("with",), force_gain=0.0).run_chunk(0, device=device)

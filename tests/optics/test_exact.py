@@ -33,6 +33,7 @@ def test_force_agrees_with_the_toolbox(name):
     assert got.error < 1e-9
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", CASES)
 def test_stiffness_and_equilibrium_agree_with_the_toolbox(name):
     c = CASES[name]

@@ -55,6 +55,7 @@ def exact_flow(ladder: Ladder, across: float, z: float) -> bool:
     return False
 
 
+@pytest.mark.thorough
 def test_the_map_shows_the_exact_force_in_the_plane_of_the_major_axis(ladder, found):
     assert found.azimuth == pytest.approx(0.25 * math.pi)
     rows, columns = [5, 20, 33], [3, 20, 28]
@@ -122,6 +123,7 @@ def test_curves_hold_every_model_and_their_residuals(ladder, curves):
     assert curves.rmse("table", ("axial", "x", "y")) < 0.1 * curves.rmse("piecewise", ("axial", "x", "y"))
 
 
+@pytest.mark.thorough
 def test_pictures_are_whole_files_or_none(tmp_path, found, curves):
     for draw, what in ((plot_map, found), (plot_curves, curves)):
         path = tmp_path / f"{draw.__name__}.png"

@@ -201,7 +201,6 @@ def test_what_is_seen_again_comes_back_by_the_ramp(lab):
     assert any("the estimator says nan" in line for line in said)
 
 
-@pytest.mark.quick
 def test_who_is_disarmed_while_lost_stays_so(lab):
     one = lab(look=Estimator(TOP, SIZE, {0: Blinking(range(40, 60))}), rule=LostRule(after=0.05), device=STILL)
     one.run(66)

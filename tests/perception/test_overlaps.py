@@ -28,6 +28,7 @@ def deepest(sim: Simulation, position: np.ndarray, orientation: np.ndarray) -> f
     return found
 
 
+@pytest.mark.thorough
 def test_a_cell_is_pushed_out_of_the_robots_that_hold_it():
     """Robots that are seen nearer together than the cell between them has room for, with the cell off its middle."""
     scene = Scene.load("scenes/cell_delivery.usda")

@@ -62,6 +62,7 @@ def take(bead_file, tmp_path_factory) -> Path:
     return file
 
 
+@pytest.mark.quick
 def test_images_give_the_same_estimates_and_states(take):
     report = replay_perception(take)
     assert report is not None and report.equal, report

@@ -38,6 +38,7 @@ def covered(image, **options):
     return np.count_nonzero(np.abs(image - empty).max(axis=2) > 1e-4)
 
 
+@pytest.mark.quick
 def test_perspective_sphere_covers_the_predicted_area():
     stage = stages.new_stage()
     stages.sphere(stage, "/World/Ball", 5.0)
@@ -214,6 +215,7 @@ def test_hierarchy_gives_the_same_picture_as_brute_force():
     assert np.allclose(chosen[hit], t_all[hit], rtol=1e-6)
 
 
+@pytest.mark.quick
 def test_same_input_same_picture_and_bytes():
     drawables = read_drawables(stages.delivery())
     first, second = (render(drawables, PictureStyle(width=96, height=54), "cpu") for _ in range(2))
@@ -241,6 +243,7 @@ def test_bloom_spreads_only_what_is_brighter_than_white_and_the_vignette_only_da
     assert dark[45, 80, 0] == 0.5 and dark[0, 0, 0] == pytest.approx(0.3, abs=0.01)
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize(
     ("options", "words"),
     [

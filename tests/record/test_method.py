@@ -152,6 +152,7 @@ def test_a_run_says_which_integrator_served_and_that_bodies_were_coupled(scene: 
     assert (method.coupling, method.driver, method.integrator, method.noise) == (True, "world", "heun", "none")
 
 
+@pytest.mark.thorough
 def test_a_run_says_which_forces_acted(device: str, tmp_path: Path) -> None:
     """The user's, and those that bodies of the scene author."""
     scene = Scene.load(SCENES / "single_bead.usda", duration=0.02)

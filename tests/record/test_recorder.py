@@ -195,6 +195,7 @@ def resident() -> int:
     return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="needs /proc")
 def test_memory_does_not_grow_with_the_run(scene: Scene, tmp_path: Path) -> None:
     out = recorder(scene, tmp_path / "run", forces=True, figure=False)

@@ -64,7 +64,6 @@ def asked(place: Path, say: Callable[[str], None] = lambda line: None) -> Reques
     return Request(quick=True, device="cpu", scenes=Path("scenes"), seed=0, folder=folders[0], work=folders[1], say=say)
 
 
-@pytest.mark.quick
 def test_a_tiny_table_end_to_end(tmp_path: Path, monkeypatch, recwarn):
     tiny(monkeypatch, epochs=1)
     request = asked(tmp_path)

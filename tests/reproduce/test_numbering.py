@@ -64,6 +64,7 @@ def test_other_numbers_are_refused_with_those_there_are(word: str):
     assert "not the paper's, fig1 to fig10 and table1 to table23" in said
 
 
+@pytest.mark.thorough
 def test_what_a_number_means_is_said(report: Path, capsys: pytest.CaptureFixture[str]):
     """It could be taken for a number of the paper."""
     assert main(["reproduce", "--out", str(report), "--quick", "--device", "cpu", "--only", "table4"]) == 0

@@ -74,6 +74,7 @@ def nothing(request: Request) -> Result:
     )
 
 
+@pytest.mark.thorough
 def test_a_part_that_is_killed_counts_until_then(killed: Path, monkeypatch):
     (first,) = parts.read_parts(killed / "work" / "force_curves" / parts.PARTS)
     assert first.seconds > 0.4 and first.device == "cpu"

@@ -218,6 +218,7 @@ def test_ros1_a_twist_moves_trap_and_robot(debian_master):
     check_a_hand_moves_the_first_group(debian_master, (), twist, ("left", "right"))
 
 
+@pytest.mark.thorough
 def test_ros1_the_older_pairing_gives_the_right_hand_the_first_group(debian_master):
     twist = "/Geomagic2/smoothedTwist"
     check_a_hand_moves_the_first_group(debian_master, ("--pairing", "older"), twist, ("right", "left"))

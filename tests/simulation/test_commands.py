@@ -98,6 +98,7 @@ def test_readouts_show_the_command_itself(device):
         np.testing.assert_allclose(sim.readout.trap_position.numpy()[0, 0], trap.position.at(sim.time), atol=1e-5)
 
 
+@pytest.mark.quick
 def test_commands_on_the_grid_of_steps_are_not_touched(device):
     """Samples at the ends of steps: nothing of the step is made for them."""
     assert not Simulation(scene(circling(4.0, 1e-2, 1.0), 5e-3), device=device).model.features.leaps

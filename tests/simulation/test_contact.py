@@ -51,6 +51,7 @@ def pressed(gap: float, device: str, driver: str, *, apart: float = 0.0, **more)
     return start(contact_scene(first, second, traps=traps), driver, device, **more)
 
 
+@pytest.mark.thorough
 def test_third_law_while_moving(driver, device):
     """At every step of the approach, not just at rest."""
     sim = pressed(0.5, device, driver, apart=0.4, time_step=1e-4)

@@ -71,6 +71,7 @@ def check_equal(a: Simulation, b: Simulation, worlds: int | None = None) -> None
         assert value.tobytes() == right[name].tobytes(), name
 
 
+@pytest.mark.thorough
 def test_threads_change_nothing(make):
     sims = [make(threads=n) for n in (1, 2, 3)]
     for sim in sims:

@@ -237,6 +237,7 @@ def check_dimer(worlds: int, samples: int, device: str, seed: int) -> None:
     np.testing.assert_allclose((sine**2).mean(axis=(0, 1)), exact_turn, rtol=error)
 
 
+@pytest.mark.thorough
 def test_equipartition_of_a_dimer(device):
     """300 worlds, 60 samples with φ below 0.5: standard error 1.4 %."""
     check_dimer(300, 60, device, seed=21)

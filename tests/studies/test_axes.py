@@ -155,6 +155,7 @@ def test_kinds_of_axes_run(scene, tmp_path):
         assert np.allclose(found[f"start_bead_{letter}"], drawn[:, n])
 
 
+@pytest.mark.thorough
 def test_bodies_start_turned(scene, tmp_path):
     """About axes of the world, on top of the scene's own orientation, about the origin of the prim."""
     folder = tmp_path
@@ -194,6 +195,7 @@ def test_bodies_start_turned(scene, tmp_path):
     assert found["orientation_error"].attrs["units"] == "rad"
 
 
+@pytest.mark.thorough
 def test_contact_force_and_dose(tmp_path):
     """A bead that its trap presses onto a floor, without noise: force balances force, and the dose is that over time.
 

@@ -116,6 +116,7 @@ def gaussian_work(random: np.random.Generator, shape: tuple[int, int], spread: f
     return THERMAL * random.normal(change + 0.5 * spread**2, spread, shape)
 
 
+@pytest.mark.thorough
 def test_free_energy_by_jarzynski():
     """Bootstrap ends of 100 tracks of Gaussian work with σ = 1 k_BT; bias-corrected, they miss a little more often."""
     random = np.random.Generator(np.random.Philox(34))

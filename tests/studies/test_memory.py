@@ -74,6 +74,7 @@ ALLOCATORS = 2**24
 """What a process takes beside its arrays: pages that were free before, threads, code."""
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="memory is counted as Linux does")
 def test_a_run_takes_what_the_plan_says(scene):
     """2^18 trials in one batch: their peak is no higher than what is said of them, and not far below."""

@@ -51,6 +51,7 @@ def check_lag(expect_law, device: str, worlds: int, samples: int) -> None:
     expect_law("spread about it, ⟨δx²⟩ k/k_B T", spread, 1.0, error, bias=1.02 * ACCURACY)
 
 
+@pytest.mark.thorough
 def test_lag(expect_law, device):
     """⟨x − x_trap⟩ = −γv/k, with the same thermal spread as at rest.
 
@@ -99,6 +100,7 @@ def check_escape(expect_law, device: str, pull: float, worlds: int) -> None:
     expect_law(name, mean / expected, 1.0, error / expected, bias=ACCURACY)
 
 
+@pytest.mark.thorough
 def test_escape_under_drag(expect_law, device):
     """Mean time after which a bead is lost by a moving trap, against the backward Smoluchowski equation.
 

@@ -117,6 +117,7 @@ def test_the_solution_has_converged():
     np.testing.assert_allclose(coarse["odd"], fine["odd"], rtol=GRID)
 
 
+@pytest.mark.thorough
 def test_a_gradient_has_no_current():
     """The same solver and rooms see nothing where the force is conservative."""
     still, roll = prediction(swarm(48, gradient_only=True)), expected()

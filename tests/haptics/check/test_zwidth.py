@@ -92,6 +92,7 @@ def test_virtual_coupling_bounds_what_an_uncontrolled_loop_renders():
     assert speeds(BareDevice(), bare, start=start, rate=1000.0, duration=0.2)[3] > 1.0
 
 
+@pytest.mark.quick
 def test_paper_mode_at_servo_rate():
     """b/τ for α = 0.05 at 1 kHz."""
     assert paper_width(rate=1000.0, release=Release(duration=20.0)) == pytest.approx(10.3, rel=PAPER)

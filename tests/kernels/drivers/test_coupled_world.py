@@ -114,6 +114,7 @@ def test_a_trap_that_holds_nothing_may_come_to_several_bodies_at_once(device):
     assert one.steepest.fastest(powers, anywhere=True) == one.steepest.fastest(powers)
 
 
+@pytest.mark.thorough
 def test_powers_that_meeting_beads_could_not_carry_are_warned_of(device):
     """Control.set looks where the beads start for a refusal, and where they could meet for a warning."""
     step = 0.9 * Model.build(trapped_pair(3.0), device=device).scales.largest_stable

@@ -58,7 +58,7 @@ def compiler(device, monkeypatch):
         "harmonic_isotropic",
         pytest.param("harmonic_split", marks=pytest.mark.thorough),
         pytest.param("piecewise_isotropic", marks=pytest.mark.thorough),
-        "piecewise_split",
+        pytest.param("piecewise_split", marks=pytest.mark.thorough),
     ],
 )
 def test_loop_of_an_authored_law(model, escapes, fast, tmp_path):

@@ -52,6 +52,7 @@ def test_trap_turns_its_table(polarization, cache, monkeypatch, device):
     np.testing.assert_allclose(sim.readout.trap_force.numpy()[0, 0], expected, atol=1e-5 * np.abs(expected).max())
 
 
+@pytest.mark.thorough
 def test_equal_pairs_share_a_table(cache, monkeypatch, device):
     """Three traps on two kinds of spheres: one beam twice, so two tables of it and two of the other."""
     base = tilted_scene(cache, monkeypatch)

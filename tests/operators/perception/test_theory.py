@@ -135,6 +135,7 @@ def test_noise_in_a_linear_trap_is_stiffness_times_noise(parts, device):
     assert said == pytest.approx(np.sqrt(np.mean(error[0] ** 2)) / plans[0].config.force_gain, rel=1e-12)
 
 
+@pytest.mark.quick
 def test_a_perfect_picture_every_period_gives_the_perfect_force(parts, device):
     scene, local = parts
     stand = Stand(parts, plans_of(scene, passivity=None), [Perception(frame_rate=1000.0)], device=device)

@@ -31,6 +31,7 @@ def cell(path: str, place: tuple[float, float, float] = (0.0, 0.0, 20.0)) -> Bod
     return Body(prim=path, kind="cell", position=place, spheres=(Sphere(prim=path, radius=2.0, trapped=False),))
 
 
+@pytest.mark.quick
 def test_what_is_added_is_there_and_all_else_is_as_it_was(editor: StageEditor):
     before = editor.scene
     assert before == Scene.load(SMALL) and editor.saved
@@ -50,6 +51,7 @@ def test_what_is_added_is_there_and_all_else_is_as_it_was(editor: StageEditor):
     assert editor.free_path("extra") == "/World/extra_1"
 
 
+@pytest.mark.quick
 def test_edits_are_undone_in_turn(editor: StageEditor):
     states = [editor.scene]
     editor.add(cell("/World/extra"))
@@ -174,6 +176,7 @@ def test_references_are_found_from_another_folder(tmp_path: Path):
     editor.close()
 
 
+@pytest.mark.quick
 def test_scenes_that_cannot_be_edited_are_refused(tmp_path: Path):
     text = SMALL.read_text()
     metres = tmp_path / "metres.usda"

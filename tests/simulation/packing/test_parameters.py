@@ -155,6 +155,7 @@ def test_memory_is_that_of_what_is_swept(device):
     assert sims[1].model.data.traps.stiffness.shape == (1, 1)
 
 
+@pytest.mark.thorough
 def test_rows_that_worlds_share(tmp_path, device):
     """Three rows for six worlds are the bits of six rows, in a part of the worlds as well; no checkpoint keeps them."""
     rows = {

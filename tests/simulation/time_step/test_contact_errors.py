@@ -123,6 +123,7 @@ def gaps_of_two(pull: tuple[float, float], spread: float, count: int, steps: int
     return means.mean(axis=0) - 1.0, means.std(axis=0) / math.sqrt(count)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("pull", [(0.0, -1.0), (0.5, -1.0), (0.75, -1.0), (-1.0, -1.0)])
 @pytest.mark.parametrize("pressed", [0.5, 1.0, 4.0])
 def test_two_contacts_of_one_bead_err_by_less_than_is_told(pull, pressed):

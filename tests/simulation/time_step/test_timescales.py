@@ -37,6 +37,7 @@ def scales(scene: Scene, **more):
     return Model.build(scene, device="cpu", **more).scales
 
 
+@pytest.mark.thorough
 def test_adhesion_limits_the_step(device):
     """W/3η, the approach of two spheres under 2πRW whatever their radii; the cells do not pass through each other."""
     soft = Material(youngs_modulus=1e3, adhesion=10.0, adhesion_range=0.05)

@@ -243,6 +243,7 @@ def test_from_a_file(tmp_path, scene, capsys):
     assert "another escape" in capsys.readouterr().err
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_an_interrupt_ends_a_block_in_its_middle(scene, tmp_path, monkeypatch):
     """As on GPUs, where a thread computes it: nothing is kept, no thread stays, the same bytes follow."""

@@ -59,6 +59,7 @@ def spent(rule: Stop, chances: np.ndarray, random: np.random.Generator) -> tuple
         k = np.take_along_axis(sums, done[:, None] - 1, 1)[:, 0]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "rule",
     [

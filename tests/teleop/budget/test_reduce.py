@@ -382,6 +382,7 @@ class TestRealMeasurement:
         assert 0.0 < cost.error <= 1.01 * scene.settings.accuracy
         assert cost.step > 0.0 and cost.frame > 0.0
 
+    @pytest.mark.thorough
     def test_a_scene_is_reduced_by_the_real_machine(self, device):
         """A share that no machine keeps: every step of the order is taken, and what comes out can be stepped."""
         scene = line_of_cells(2, spacing=6.5)

@@ -48,6 +48,7 @@ def bead() -> ot.Scene:
     return ot.Scene.load(BEAD)
 
 
+@pytest.mark.thorough
 def test_frames_wait_for_the_one_before_and_the_session_never(loop: Loop, bead: ot.Scene):
     with PageProcess(bead, port=0) as page:
         sink: Sink = page

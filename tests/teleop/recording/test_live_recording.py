@@ -81,6 +81,7 @@ def texts(path, topic):
         return [json.loads(unpack_text(m.data)) for m in file.messages([topic])]
 
 
+@pytest.mark.thorough
 def test_a_session_with_pauses_resets_and_gains_is_recorded_twice_and_replays(tmp_path):
     first, second = tmp_path / "one.mcap", tmp_path / "two.mcap"
     script = Script(

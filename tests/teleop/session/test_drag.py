@@ -13,6 +13,7 @@ LOST = 0.1
 """Of γv: with leaps about 8.3 ms of relaxation have passed when the force is read, e^(−5)·8.3/1.68 = 0.036."""
 
 
+@pytest.mark.thorough
 def test_a_hand_feels_the_drag_and_not_the_age_of_the_state():
     found = drag()
     assert found.read[0] == pytest.approx(1.0, abs=CLOSE) and found.felt[0] == pytest.approx(1.0, abs=CLOSE)

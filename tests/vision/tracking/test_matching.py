@@ -56,6 +56,7 @@ def matcher() -> Matcher:
     return with_errors(Matcher(templates), known, np.array([photograph(p, n) for n, p in enumerate(known)]))
 
 
+@pytest.mark.thorough
 @pytest.mark.quick
 def test_poses_are_found_again_without_a_guess(matcher: Matcher) -> None:
     """x and y to 10 nm, depth to 40 nm, tilt to 2°, yaw to 1°, and within what the covariance says."""
