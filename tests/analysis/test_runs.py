@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import resource
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +25,7 @@ from otwarp.cli.main import main
 from otwarp.errors import InputError
 from otwarp.files import ENOUGH
 from tests.analysis.truth import DRAG, RELAXATION, TEMPERATURE, THERMAL
+from tests.full_disk import largest_file
 
 BEAD = Path(__file__).parents[2] / "scenes" / "single_bead.usda"
 
@@ -57,13 +57,9 @@ def test_the_simulator_is_calibrated(run: Path) -> None:
 
 def test_no_room_for_the_picture(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A disk that is full: one line, exit code 2, no remains."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     for name in ("calib.png", "calib.pdf"):
-        resource.setrlimit(resource.RLIMIT_FSIZE, (ENOUGH, hard))
-        try:
+        with largest_file(ENOUGH):
             assert main(["analyse", str(run / "run.nc"), "--psd", "--plot", str(tmp_path / name)]) == 2
-        finally:
-            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
         said = capsys.readouterr().err
         assert f"{name}: File too large; allowed: a disk with room" in said and said.count("\n") == 1
     assert not list(tmp_path.iterdir())

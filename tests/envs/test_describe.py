@@ -92,6 +92,7 @@ def test_a_policy_plays_an_episode(capsys):
     assert "seed 0: failure" in capsys.readouterr().out
 
 
+@pytest.mark.thorough
 def test_what_a_policy_did_is_an_object_for_a_program(capsys):
     short = ["--option", "time_limit=0.1", "--json", "--device", "cpu", "--seed", "3"]
     assert main(["envs", "play", "otwarp/Navigate-v0", "--policy", "still", *short]) == 0

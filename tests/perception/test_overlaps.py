@@ -45,6 +45,7 @@ def test_a_cell_is_pushed_out_of_the_robots_that_hold_it():
     sim.step(50)  # would stop at an overlap of half a radius
 
 
+@pytest.mark.thorough
 def test_a_second_robot_is_pushed_out_of_the_first():
     scene = Scene.load("scenes/cell_delivery.usda")
     sim = Simulation(scene, device="cpu")

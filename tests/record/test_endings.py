@@ -54,6 +54,7 @@ from pathlib import Path
 from otwarp.record.recorder import Recorder
 from tests.record.small_run import HELD, RATE, frame, load
 
+sys.dont_write_bytecode = True  # see tests/full_disk.py
 folder = Path(sys.argv[1])
 scene = load(folder / "scene")
 with Recorder(scene, folder / "run", frames_per_second=RATE, held=HELD, time_step=1e-3, usd_world=None) as out:

@@ -74,6 +74,7 @@ def test_what_a_number_means_is_said(report: Path, capsys: pytest.CaptureFixture
     assert "force_curves is done" in said.err and "peak force on the hand [N]: paper 2.11 to 2.88, ours cl" in said.out
 
 
+@pytest.mark.thorough
 def test_the_page_numbers_what_is_there_and_says_what_is_not(report: Path):
     page = (report / "report.html").read_text(encoding="utf-8")
     assert '<figure id="fig1">' in page and "<b>Figure 1.</b> Force curves" in page
@@ -101,6 +102,7 @@ def expected(name: str) -> list[str]:
     return [f"Figure {n}" for n in FIGURES[name]] + [f"Table {n}" for n in TABLES[name]]
 
 
+@pytest.mark.thorough
 def test_the_page_of_the_documents_has_the_same_numbers(report: Path):
     """That of a new report, and the committed one, which is of all items: the first lines are the same, too."""
     new = markdown(*done_in(report))
