@@ -86,7 +86,9 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.thorough] if n == "coupled crowd" else []) for n in CASES]
+)
 def test_what_a_run_would_refuse(name: str, tmp_path: Path, capfd: pytest.CaptureFixture[str], device: str) -> None:
     make, words = CASES[name]
     path = make(tmp_path)

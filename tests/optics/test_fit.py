@@ -48,6 +48,7 @@ def test_a_curve_of_the_law_itself_is_found_again():
     assert found.law.cutoff == pytest.approx(cutoff, abs=0.02)
 
 
+@pytest.mark.thorough
 def test_a_free_fit_is_no_worse_and_says_how_far_it_jumps(curves):
     joined, free = (fit_piecewise(BEAM, SPHERE, continuous=c, curves=curves) for c in (True, False))
     for name in ("radial", "axial", "isotropic"):

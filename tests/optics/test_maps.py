@@ -78,6 +78,7 @@ def test_exact_flow_lines_part_at_the_escape_contour(ladder, found):
         assert not exact_flow(ladder, *(vertex + CONTOUR_MARGIN * out))
 
 
+@pytest.mark.thorough
 def test_the_basin_s_rim_downstream_is_where_the_axial_force_turns(ladder, found):
     """On the axis the flow stays on the axis: the rim is the unstable point, Q_z = 0. Upstream light pushes it home."""
     rim = found.equilibrium + found.reach["downstream"]

@@ -58,6 +58,7 @@ def test_a_second_robot_is_pushed_out_of_the_first():
     assert deepest(sim, place, turn) < 1.5 * ALLOWED
 
 
+@pytest.mark.thorough
 def test_no_room_is_said():
     """Robots so near together that the cell between them fits nowhere near: the largest overlap that is left."""
     scene = Scene.load("scenes/cell_delivery.usda")

@@ -88,6 +88,7 @@ def test_a_part_that_is_killed_counts_until_then(killed: Path, monkeypatch):
     assert not (killed / "work" / "force_curves").exists()
 
 
+@pytest.mark.thorough
 def test_an_item_goes_on_with_the_code_that_began_it_alone(killed: Path, monkeypatch):
     work = killed / "work" / "force_curves"
     said = json.loads((work / parts.PARTS).read_text())

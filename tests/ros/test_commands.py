@@ -224,6 +224,7 @@ def test_ros1_the_older_pairing_gives_the_right_hand_the_first_group(debian_mast
     check_a_hand_moves_the_first_group(debian_master, ("--pairing", "older"), twist, ("right", "left"))
 
 
+@pytest.mark.thorough
 def test_ros2_a_controller_moves_the_pair_and_resets(monkeypatch):
     pytest.importorskip("cyclonedds")
     from otwarp.ros.ros2 import Ros2Node, load_messages

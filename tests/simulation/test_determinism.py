@@ -38,7 +38,7 @@ def crowd_scene() -> Scene:
     return dataclasses.replace(pair, bodies=(*held, *cells[2:]))
 
 
-@pytest.fixture(params=["solo", "world", *(pytest.param(d, marks=pytest.mark.thorough) for d in ("grid", "crowd"))])
+@pytest.fixture(params=["solo", *(pytest.param(d, marks=pytest.mark.thorough) for d in ("world", "grid", "crowd"))])
 def make(request, monkeypatch, device):
     """Builds a simulation of the driver under test."""
     if request.param == "grid":

@@ -143,6 +143,7 @@ print(push.body_force.digest)
 """
 
 
+@pytest.mark.thorough
 def test_a_digest_is_the_same_in_every_process_and_changes_with_what_is_used(tmp_path):
     digests = []
     for name, text in (

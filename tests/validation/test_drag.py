@@ -165,6 +165,7 @@ def test_dudko_theory_is_the_limit_of_high_barriers(expect_law):
     )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("pull", [8.0, 10.0, 12.0])
 def test_escapes_follow_dudko(expect_law, device, pull):
     """Mean time after which a moving trap of 12 k_B T loses its bead, where barriers of 3 to 5 k_B T are left.

@@ -12,7 +12,7 @@ from otwarp.scene import Material, Medium
 from otwarp.units import STANDARD_GRAVITY
 from tests.reference.contact import sphere_obstacle, sphere_pair
 from tests.simulation.setups import CELL, contact_scene, sphere_body
-from tests.simulation.test_contact import DRIVERS, EQUILIBRIUM, forces, places, pressed, start
+from tests.simulation.test_contact import EQUILIBRIUM, forces, places, pressed, start
 
 FORCE = 1e-3
 """Relative error of a contact force at rest, that of its overlap times 3/2."""
@@ -21,7 +21,7 @@ ROUNDING = 2e-7
 """Of an overlap, the difference of coordinates of 1 to 9 µm in float32 [µm]."""
 
 
-@pytest.fixture(params=DRIVERS)
+@pytest.fixture(params=["world", pytest.param("grid", marks=pytest.mark.thorough)])
 def driver(request, monkeypatch) -> str:
     """Few bodies go to the driver of crowds when a world may hold none."""
     if request.param == "grid":

@@ -108,6 +108,7 @@ def test_half_turn_of_two_spheres(expect_law, device):
     expect_law("half turn of two RPY spheres [s]", half_turn(device, 0.0), expected, STEP_ERROR * expected)
 
 
+@pytest.mark.thorough
 def test_half_turn_of_touching_spheres(expect_law, device):
     """With the default mobility a touching dimer turns over as the exact equivalent axis ratio r = 1.98 says.
 

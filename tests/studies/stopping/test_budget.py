@@ -93,6 +93,7 @@ def test_intervals_hold_what_they_say(rule):
         assert mean[0] < 0.5 * mean[1] and mean[1] < 0.7 * mean[3]
 
 
+@pytest.mark.thorough
 def test_a_study_spends_its_budget_on_the_contour(scene, whole):
     """All but what is too little for another look; sure points stop early, and the first trials are as of any rule."""
     trials = whole["trials"].values

@@ -131,6 +131,7 @@ class Visit:
         assert words[-1][1:3] == pytest.approx((0.0, 0.0), abs=1e-9) and words[-1][3] == DEAD_MAN
 
 
+@pytest.mark.thorough
 def test_a_drag_moves_a_trap_and_the_robot_follows(device: str):
     scene = ot.Scene.load(SCENE)
     loop = Loop(scene, device=device)
