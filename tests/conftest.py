@@ -96,6 +96,7 @@ THOROUGH = (
     "studies/rare/test_states.py",
     "studies/test_engines.py",
     "studies/test_rerun.py",
+    "studies/test_slurm.py",
     "teleop/operators/test_local_scene.py",
     "teleop/page/test_end_to_end.py",
     "test_docstrings.py",

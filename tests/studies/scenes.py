@@ -1,9 +1,10 @@
-"""Scenes of the tests of studies."""
+"""Scenes and studies of the tests of studies."""
 
 from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -11,6 +12,10 @@ import warp as wp
 import otwarp as ot
 from otwarp.laws import TrapLaw
 from otwarp.scene import Body, SceneBuilder, Settings, Sphere, Track, Trap
+from otwarp.studies.axes import grid, values
+from otwarp.studies.observables import first_passage, trapped
+from otwarp.studies.stopping.rules import trials
+from otwarp.studies.study import Study
 from tests.simulation.setups import obstacle
 
 
@@ -107,3 +112,17 @@ def pair_in_wells(folder: Path, *, speed: float = 0.0) -> Path:
             )
         )
     return builder.save(folder / "pair.usda")
+
+
+def study_of(scene: Path, **how: Any) -> Study:
+    """A small study of the bead, but for what is given: what traps hold from two starts, by three powers."""
+    asked = {
+        "axes": {
+            "trap_power": grid(0.2, 1.0, 3, unit="mW"),
+            "start.x:/World/bead": values([0.0, 200.0], unit="nm"),
+        },
+        "observables": [trapped(until=0.1), first_passage()],
+        "stop": trials(64),
+        "seed": 3,
+    }
+    return Study(scene, **(asked | how))

@@ -26,35 +26,19 @@ from otwarp.studies.engines.run import run_study
 from otwarp.studies.engines.sent import packed, unpacked
 from otwarp.studies.file import load_study
 from otwarp.studies.store import open_store
-from tests.studies.scenes import bead_in_a_well, study_of_a_well
+from tests.studies.scenes import study_of_a_well
 
 pytest.importorskip("zarr")
 needs_ray = pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="Ray is not installed")
 
 FILE = study_of_a_well(12, 2_048)
-"""Six blocks."""
+"""That of `folder` (conftest.py)."""
 
 
 @ot.observable(keep="largest", unit="µm")
 def height(now: ot.WorldNow, body: int = 0) -> float:  # type: ignore[valid-type]
     """Of this file, which workers may not be able to import."""
     return now.state.position[now.world, body][2]
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory) -> Path:
-    """A study and its scene."""
-    place = tmp_path_factory.mktemp("study")
-    bead_in_a_well(place)
-    (place / "s.toml").write_text(FILE)
-    return place
-
-
-@pytest.fixture(scope="module")
-def whole(folder):
-    """What an undisturbed run of one process gives."""
-    assert main(["study", "run", str(folder / "s.toml"), "--device", "cpu", "-o", str(folder / "whole")]) == 0
-    return open_store(folder / "whole").read().load()
 
 
 def command(folder: Path, out: Path, *more: str) -> list[str]:
@@ -355,55 +339,3 @@ def test_shards_that_begin_together(folder, whole, tmp_path):
     assert [child.wait() for child in [begin(line) for line in lines]] == [0, 0, 0, 0]
     assert open_store(out).read().load().identical(whole)
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
-
-
-PAGE = Path(__file__).parents[2] / "docs" / "cluster.md"
-SBATCH = {
-    *("job-name", "array", "nodes", "ntasks-per-node", "gpus", "gpus-per-node", "cpus-per-task"),
-    *("time", "requeue", "output", "open-mode"),
-}
-"""Options of sbatch that the page uses, from its manual."""
-
-
-def scripts() -> list[str]:
-    """The scripts of the page: the array, and Ray."""
-    return [part.split("```")[0] for part in PAGE.read_text(encoding="utf-8").split("```bash\n")[1:]]
-
-
-def batch(folder: Path, script: str, out: Path, **variables: str) -> subprocess.Popen:
-    """A script of the page as Slurm would start it, with another study and folder."""
-    text = script.replace("studies/capture.toml", str(folder / "s.toml")).replace("out/capture", f"{out} --device cpu")
-    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-    cache = os.environ.get("WARP_CACHE_PATH", "")
-    environment = os.environ | {"PATH": path} | {f"SLURM_{name}": value for name, value in variables.items()}
-    text = text.replace("export WARP_CACHE_PATH=", f"export WARP_CACHE_PATH={cache} #" if cache else "#")
-    return subprocess.Popen(["bash", "-c", text], cwd=folder, env=environment)
-
-
-@pytest.mark.quick
-def test_scripts_of_the_page():
-    """Bash reads them, and sbatch knows their options."""
-    assert len(scripts()) == 2
-    for script in scripts():
-        assert script.startswith("#!/bin/bash\n")
-        subprocess.run(["bash", "-n"], input=script, text=True, check=True)
-        options = [line.split("--")[1].split("=")[0] for line in script.splitlines() if line.startswith("#SBATCH")]
-        assert len(options) > 5 and SBATCH.issuperset(options)
-
-
-def test_the_array_as_slurm_starts_it(folder, whole, tmp_path):
-    """Two tasks side by side."""
-    out = tmp_path / "out"
-    of = {"ARRAY_TASK_COUNT": "2", "JOB_ID": "7"}
-    tasks = [batch(folder, scripts()[0], out, ARRAY_TASK_ID=str(n), **of) for n in (1, 2)]
-    assert [task.wait() for task in tasks] == [0, 0]
-    assert open_store(out).read().load().identical(whole)
-
-
-def test_ray_as_slurm_starts_it(folder, whole, tmp_path):
-    """One host of the script's: its head, a driver, and nothing that stays."""
-    pytest.importorskip("ray")
-    out = tmp_path / "out"
-    job = {"JOB_ID": str(os.getpid()), "CPUS_PER_TASK": "2", "JOB_NUM_NODES": "1"}
-    assert batch(folder, scripts()[1], out, **job).wait() == 0
-    assert open_store(out).read().load().identical(whole)

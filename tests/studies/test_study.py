@@ -1,4 +1,4 @@
-"""Studies end to end: the same bits however they are computed, against the survival of a well, and bad input."""
+"""Studies end to end: the same bits however they are computed, against the survival of a well."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from otwarp.bench.integrators.fokker_planck import survival_probability
 from otwarp.cli.main import main
 from otwarp.errors import InputError
 from otwarp.laws import TrapLaw
-from otwarp.scene import Body, Scene, SceneBuilder, Settings, Sphere, Track, Trap
+from otwarp.scene import Body, SceneBuilder, Settings, Sphere, Track, Trap
 from otwarp.simulation.simulation import Simulation
-from otwarp.studies.axes import Scatter, grid, sobol, values
+from otwarp.studies.axes import Scatter, values
 from otwarp.studies.engines.run import run_study
 from otwarp.studies.observables import contact_dose, contact_force, delivered, first_passage, orientation_error, trapped
 from otwarp.studies.results import table
@@ -26,7 +26,7 @@ from otwarp.studies.stopping.rules import half_width, trials
 from otwarp.studies.store import open_store
 from otwarp.studies.study import Study
 from otwarp.units import BOLTZMANN
-from tests.studies.scenes import bead_in_a_well, study_of_a_well
+from tests.studies.scenes import bead_in_a_well, study_of, study_of_a_well
 
 pytest.importorskip("zarr")
 
@@ -38,19 +38,6 @@ FILE = study_of_a_well(6, 2_048)
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory):
     return bead_in_a_well(tmp_path_factory.mktemp("well"))
-
-
-def study_of(scene, **how):
-    asked = {
-        "axes": {
-            "trap_power": grid(0.2, 1.0, 3, unit="mW"),
-            "start.x:/World/bead": values([0.0, 200.0], unit="nm"),
-        },
-        "observables": [trapped(until=0.1), first_passage()],
-        "stop": trials(64),
-        "seed": 3,
-    }
-    return Study(scene, **(asked | how))
 
 
 def same(a, b):
@@ -269,112 +256,6 @@ def test_escape_rate_of_a_deep_well(tmp_path, scene):
     assert np.all(found["first_passage_rate_low"].values[found["first_passage_events"] == 0] == 0.0)
     kept = found["trapped_count"].values + found["first_passage_events"].values
     assert np.all(kept >= 256)  # who escaped later than 0.1 s counts for both
-
-
-@pytest.mark.parametrize(
-    ("axes", "said"),
-    [
-        ({"trap_powr": grid(1, 2, 3, unit="mW")}, "did you mean trap_power"),
-        ({"trap_power": grid(1, 2, 3)}, "allowed: mW"),
-        ({"trap_power": grid(1, 2, 3, unit="µm")}, "unit 'µm'"),
-        ({"trap_power": values([-1.0], unit="mW")}, "value -1"),
-        ({"trap_power:/World/tarp": grid(1, 2, 3, unit="mW")}, "did you mean /World/trap"),
-        ({"start:/World/bead": values([1.0], unit="µm")}, "three numbers each"),
-        ({"start.q:/World/bead": values([1.0], unit="µm")}, "allowed: x, y, z"),
-        ({("trap_power", "start.x:/World/bead"): (grid(1, 2, 3, unit="mW"), grid(1, 2, 4, unit="µm"))}, "lengths"),
-        ({"/World/bead.raduis": values([1.0])}, "no attribute raduis"),
-        ({"speed:/World/trap": values([1.0], unit="µm/s")}, "stands still"),
-        ({"trap_power": "grid"}, "allowed: grid"),
-    ],
-)
-def test_bad_axes(scene, axes, said):
-    """Name, value and what is allowed."""
-    with pytest.raises(InputError, match=said):
-        study_of(scene, axes=axes)
-
-
-def test_a_start_inside_an_obstacle():
-    """Refused before anything runs; beside the pillar it is none of its business."""
-    scene = ROOT / "scenes" / "cell_delivery.usda"
-    for x, inside in ((-31.0, True), (-14.0, False)):
-        axes = {"start:/World/cell": values([[-58.0, -26.0, 8.0], [x, -9.0, 8.0]], unit="µm")}
-        if inside:
-            with pytest.raises(InputError, match=r"start:/World/cell = .* overlap with /World/Obstacles/pillar_1"):
-                study_of(scene, axes=axes)
-        else:
-            assert study_of(scene, axes=axes).design.points == 2
-
-
-def test_a_start_inside_an_obstacle_beside_an_axis_that_turns():
-    """A turn of some body, even of the cell itself, hides no start; a robot that is turned into a pillar is seen."""
-    scene = ROOT / "scenes" / "cell_delivery.usda"
-    start = {"start:/World/cell": values([[-58.0, -26.0, 8.0], [-31.0, -9.0, 8.0]], unit="µm")}
-    for name in ("turn.z:/World/cell", "turn.z:/World/Robots/left"):
-        with pytest.raises(InputError, match=rf"{name} = 0.1 rad: /World/cell: overlap with /World/Obstacles/pillar_1"):
-            study_of(scene, axes=start | {name: values([0.1], unit="rad")})
-    left = next(b for b in Scene.load(scene).bodies if b.prim == "/World/Robots/left")
-    bearing = np.degrees(np.arctan2(*left.spheres[0].offset[1::-1]))  # of a handle, 5 µm from the middle
-    place = values([[-31.0 - 12.5, -9.0, 10.0]], unit="µm")  # the pillar's radius is 8.5 µm
-    free, inside = (values([angle], unit="deg") for angle in (180.0 - bearing, -bearing))
-    with pytest.raises(InputError, match="/World/Robots/left: overlap with /World/Obstacles/pillar_1"):
-        study_of(scene, axes={"start:/World/Robots/left": place, "turn.z:/World/Robots/left": inside})
-    assert (
-        study_of(scene, axes={"start:/World/Robots/left": place, "turn.z:/World/Robots/left": free}).design.points == 1
-    )
-
-
-def test_bad_lists():
-    """Before any scene is looked at."""
-    for make in (
-        lambda: values([1.0, np.nan]),
-        lambda: values([]),
-        lambda: grid(2, 1, 5),
-        lambda: grid(0, 1, 5, spacing="log"),
-        lambda: grid(0, 1, 1),
-        lambda: sobol([0, 0], [1, 1], 8, unit=["mW"]),
-        lambda: Scatter(-1.0),
-        lambda: half_width(0.7),
-        lambda: trials(0),
-    ):
-        with pytest.raises(InputError, match="allowed"):
-            make()
-
-
-def test_bad_files(tmp_path, scene, capsys):
-    """One line, exit code 2, and nothing is written."""
-    (tmp_path / "well.usda").write_text(scene.read_text())
-    for old, new, said in (
-        ('unit = "mW"', 'unit = "kg"', "unit 'kg'"),
-        ("trials = 2048", "trials = -1", "trials is -1"),
-        ("seed = 3", 'every = "0 s"', "every is 0.0"),
-        ('"trapped"', '"traped"', "did you mean trapped?"),
-        ("seed = 3", "sed = 3", "sed is none of its entries"),
-        ('"well.usda"', '"wall.usda"', "there is no such file"),
-        ("0.1 s", "0.1", "without a unit"),
-        ("[stop]", "[stop", "cannot be read"),
-        ("values = [0, 0.1, 0.2, 0.3]", "values = [0, nan]", "finite"),
-        ("seed = 3", 'time_step = "50 ms"', "time step 0.05 s is unstable"),
-        ('unit = "mW"\n', "", "axis trap_power has no unit; allowed: mW"),
-    ):
-        assert old in FILE
-        (tmp_path / "bad.toml").write_text(FILE.replace(old, new))
-        assert main(["study", "run", str(tmp_path / "bad.toml"), "-o", str(tmp_path / "out")]) == 2
-        assert said in (error := capsys.readouterr().err) and error.count("\n") == 1
-        assert not (tmp_path / "out").exists()
-
-
-def test_unwritable(scene):
-    """A place that refuses is found out before anything is computed."""
-    with pytest.raises(InputError, match="cannot be written"):
-        run_study(study_of(scene), "/proc/study")
-
-
-def test_delivery_needs_a_goal(scene):
-    """That of the scene, or one that is given."""
-    given = delivered((0.0, 0.0, 10.0), radius=0.1, until=0.1)
-    assert study_of(scene, observables=[given]).observables[0].name == "delivered"
-    with pytest.raises(InputError, match="the scene has no goal"):
-        study_of(scene, observables=[delivered(until=0.1)])
 
 
 def test_contact_force_is_an_observable(scene):
