@@ -87,6 +87,7 @@ def test_the_basin_s_rim_downstream_is_where_the_axial_force_turns(ladder, found
     assert found.reach["upstream"] is None
 
 
+@pytest.mark.thorough
 def test_flow_from_beyond_the_table_does_not_return(ladder):
     table = ladder.table
     far = np.array([[0.0, -1.5 * table.cutoff], [0.0, 0.0]])

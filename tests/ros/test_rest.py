@@ -24,6 +24,7 @@ PULLED = 0.2855
 """Mean height of the three spheres above the foci of their traps [µm]: 0.30 N of nothing, were it published."""
 
 
+@pytest.mark.thorough
 def test_the_mean_force_on_a_robot_at_rest_is_zero():
     """20 s of both robots: mean force 0 N, with a standard error of some 3e-4 N from 20 blocks of 1 s."""
     pytest.importorskip("rosbags")

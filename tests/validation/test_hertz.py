@@ -34,6 +34,7 @@ def balance(excess: Callable[[float], float], most: float) -> float:
     return float(root_scalar(excess, bracket=(0.0, most)).root)
 
 
+@pytest.mark.thorough
 def test_rest_on_the_floor(expect_law, driver, device):
     """Under its weight a bead sinks into the floor until Hertz repulsion carries it; two materials.
 

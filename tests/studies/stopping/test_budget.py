@@ -107,6 +107,7 @@ def test_a_study_spends_its_budget_on_the_contour(scene, whole):
     assert np.all(np.isnan(whole["end_time"].values[np.arange(2_048) >= trials[..., None]]))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("after", [1, 3, 5])
 def test_a_run_that_ends_in_a_round_goes_on_to_the_same_bits(scene, whole, tmp_path, after):
     """Ended between two blocks of a round, and by an error while one is written; then by two devices at once."""

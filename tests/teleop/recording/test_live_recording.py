@@ -118,6 +118,7 @@ def test_a_session_with_pauses_resets_and_gains_is_recorded_twice_and_replays(tm
     assert [hand["name"] for hand in about["haptics"]["hands"]] == ["left", "right"]
 
 
+@pytest.mark.thorough
 def test_a_session_without_hands_is_recorded(tmp_path):
     path = tmp_path / "one.mcap"
     script = Script(after(5), c.MoveTraps({0: (-8.0, 0.5, 5.0)}), after(5))
