@@ -41,21 +41,21 @@ class GridPhasesStepper(PhaseGraphs):
         data, control, state, readout = self.model.data, self.control.data(), self.state.data(), self.readout.data()
         grid, push = self.scratch, self.push
         for _ in range(steps):
-            self._launch(phases.refer, elements, data, state, grid)
-            self._launch(phases.list, elements, data, state, grid)
-            self._launch(phases.advance, bodies, data, control, state, grid)
-            self._launch(phases.find, found, data, control, state, readout, grid, push)
+            self.launch(phases.refer, elements, data, state, grid)
+            self.launch(phases.list, elements, data, state, grid)
+            self.launch(phases.advance, bodies, data, control, state, grid)
+            self.launch(phases.find, found, data, control, state, readout, grid, push)
             self._settle(0)
             if phases.correct is not None:
-                self._launch(phases.correct, bodies, data, control, state, grid, push)
+                self.launch(phases.correct, bodies, data, control, state, grid, push)
                 self._settle(1)
-            self._launch(phases.commit, bodies, data, control, state, readout, grid, push)
-            self._launch(phases.let_in, worlds, data, state, readout, grid)
+            self.launch(phases.commit, bodies, data, control, state, readout, grid, push)
+            self.launch(phases.let_in, worlds, data, state, readout, grid)
 
     def _settle(self, again: int) -> None:
         """Solve the contacts of a stage."""
         views = self.model.data, self.state.data(), self.readout.data(), self.scratch, self.push
-        self._launch(self.phases.settle, (self.places, self.lanes), *views, self.lanes, again, block=self.block)
+        self.launch(self.phases.settle, (self.places, self.lanes), *views, self.lanes, again, block=self.block)
 
     def advance(self, first_step: int, steps: int, worlds: int | None = None) -> None:
         """Take `steps` steps from `first_step` in all worlds, or in those of the list of worlds in motion."""
@@ -63,5 +63,5 @@ class GridPhasesStepper(PhaseGraphs):
         self.places = min(1 << ((worlds or self.model.worlds) - 1).bit_length(), self.model.worlds)
         elements = self.places, self.scratch.near.elements
         span = wp.int64(first_step), wp.int64(first_step + steps)
-        self._launch(self.phases.start, elements, self.model.data, self.state.data(), self.scratch, *span)
-        self._replay(steps)
+        self.launch(self.phases.start, elements, self.model.data, self.state.data(), self.scratch, *span)
+        self.replay(steps)

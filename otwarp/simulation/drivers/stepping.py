@@ -130,7 +130,7 @@ class PhaseGraphs:
         places: Worlds over which the next steps are launched, or places in the list of those in motion.
     """
 
-    def __init__(self, parts: StepperParts, *beside: wp.Kernel):
+    def __init__(self, parts: StepperParts, *beside: Any):
         step = parts.step
         assert step.phases is not None
         self.model, self.features = parts.model, step.features
@@ -139,7 +139,8 @@ class PhaseGraphs:
         self.places, self.layout = parts.model.worlds, -1
         self.graphs: dict[tuple[int, int], wp.Graph] = {}
 
-    def _launch(self, kernel: Any, dim: int | tuple[int, int], *inputs: object, block: int | None = None) -> None:
+    def launch(self, kernel: Any, dim: int | tuple[int, int], *inputs: object, block: int | None = None) -> None:
+        """Launch a kernel that there may be over so many threads, in blocks of so many or as it was compiled."""
         if kernel is not None:
             block = block or kernel.module.options["block_dim"]
             wp.launch(kernel, dim=dim, inputs=inputs, device=self.model.device, block_dim=block)
@@ -154,7 +155,7 @@ class PhaseGraphs:
         assert capture.graph is not None
         return capture.graph
 
-    def _replay(self, steps: int) -> None:
+    def replay(self, steps: int) -> None:
         """Take so many steps by graphs, or as a part of one that a user captures."""
         if self.model.device.is_capturing:
             self._take_steps(steps)
@@ -192,20 +193,20 @@ class PhasedStepper(PhaseGraphs):
         free = (data, self.control.data(), state, readout, self.scratch, self.clock)
         touch = (data, state, readout, self.scratch, self.clock)
         for ahead in range(steps):
-            self._launch(phases.predict, each, *free, ahead)
-            self._launch(phases.find, team, *free, ahead)
-            self._launch(phases.settle, settling, *touch, ahead, 0)
+            self.launch(phases.predict, each, *free, ahead)
+            self.launch(phases.find, team, *free, ahead)
+            self.launch(phases.settle, settling, *touch, ahead, 0)
             if phases.correct is not None:
-                self._launch(phases.correct, each, *free, ahead)
-                self._launch(phases.settle, settling, *touch, ahead, 1)
-            self._launch(phases.finish, team, *free, ahead)
-        self._launch(tick, 1, self.clock, steps)
+                self.launch(phases.correct, each, *free, ahead)
+                self.launch(phases.settle, settling, *touch, ahead, 1)
+            self.launch(phases.finish, team, *free, ahead)
+        self.launch(tick, 1, self.clock, steps)
 
     def advance(self, first_step: int, steps: int, worlds: int | None = None) -> None:
         """Take `steps` steps from `first_step` in all worlds, or in those of the list of worlds in motion."""
         self.clock.fill_(first_step)
-        self._replay(steps)
-        self._launch(
+        self.replay(steps)
+        self.launch(
             self.phases.report, self.model.worlds, self.model.data, self.readout.data(), self.scratch, self.clock
         )
 

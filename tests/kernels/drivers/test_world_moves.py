@@ -19,7 +19,7 @@ def test_moves_are_taken_together_or_not_at_all(form, device):
     stepper.scratch.angular.zero_()
     views = (sim.model.data, sim.control.data(), sim.state.data(), sim.last_readout.data())
     data = (*views, stepper.scratch, stepper.clock)
-    stepper._launch(stepper.phases.finish, WORLDS * stepper.team, *data, 0)
+    stepper.launch(stepper.phases.finish, WORLDS * stepper.team, *data, 0)
     fault = sim.last_readout.fault.numpy()
     assert fault[3, bodies - 1] == Fault.NON_FINITE and (np.delete(fault, 3, axis=0) == 0).all()
     move[3] = 0.0

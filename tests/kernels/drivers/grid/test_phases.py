@@ -1,0 +1,44 @@
+"""Worlds of some hundred bodies in phases against a block of threads for each."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from otwarp.kernels.step import make_step
+from otwarp.simulation.drivers.block_stepper import BlockStepper
+from otwarp.simulation.drivers.grid_phases_stepper import GridPhasesStepper
+from otwarp.simulation.drivers.stepping import StepperParts
+from otwarp.simulation.simulation import Simulation
+from tests.kernels.drivers.grid.test_turns import jostling
+from tests.kernels.drivers.grid.test_world import with_robot
+
+WORLDS = 5
+
+ROUNDED = 2e-5
+"""Places and forces of equal steps in kernels of a GPU [µm, pN], whose compiler fuses other multiplications in each."""
+
+
+def stepped(make, *, phased: bool, device: str) -> dict[str, np.ndarray]:
+    """Places [µm] and contact forces [pN] after forty steps in three calls."""
+    sim = Simulation(make(), worlds=WORLDS, seed=31, device=device, allow_large_step=True)
+    # noise in blocks is a CPU's alone
+    step = make_step(dataclasses.replace(sim.model.features, phased=phased, lanes=False, blocks=False))
+    parts = StepperParts(step, sim.model, sim.state, sim.control, sim.last_readout, threads=1)
+    sim._stepper = (GridPhasesStepper if phased else BlockStepper)(parts)
+    for steps in (1, 37, 2):
+        sim.step(steps)
+    assert int(sim._stepper.scratch.near.builds.numpy().max()) >= 1
+    return {"place": sim.state.position.numpy(), "force": sim.readout.contact_force.numpy()}
+
+
+@pytest.mark.parametrize("make", [jostling, pytest.param(with_robot, marks=pytest.mark.thorough)])
+def test_same_steps_however_launched(make, monkeypatch, device):
+    """Graphs of one step and of sixteen give what one kernel gives for all of them, two stages and a robot included."""
+    monkeypatch.setattr("otwarp.simulation.model.takes_turns", lambda *about: False)
+    together, apart = (stepped(make, phased=phased, device=device) for phased in (False, True))
+    for name, value in together.items():
+        assert np.abs(value).max() > 0.01
+        np.testing.assert_allclose(apart[name], value, rtol=0.0, atol=0.0 if device == "cpu" else ROUNDED)
