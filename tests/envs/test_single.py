@@ -88,6 +88,7 @@ def refused(call, said):
     assert said in str(error.value) and "\n" not in str(error.value)
 
 
+@pytest.mark.thorough
 @pytest.mark.quick
 def test_bad_actions_are_refused_and_change_nothing(device):
     env, many = Env(SHORT, device=device), VectorEnv(SHORT, 2, device=device, autoreset_mode="Disabled")

@@ -66,6 +66,7 @@ def test_a_camera_that_no_binding_has_met_says_so(spec, stand_in):
     assert info.caution == f"camera {spec}: this way was tested with {stand_in}; no camera has met it"
 
 
+@pytest.mark.thorough
 def test_a_session_with_such_a_camera_says_it_first(capfd):
     """Here it ends before the camera is opened, because there is no such network."""
     words = ["--camera", "v4l2:0", "--calibration", "scene", "--perception", "absent"]

@@ -102,6 +102,7 @@ def test_an_item_goes_on_with_the_code_that_began_it_alone(killed: Path, monkeyp
     assert len(reproduce(killed, names=("force_curves",), quick=True, device="cpu").done[0].parts) == 1
 
 
+@pytest.mark.thorough
 def test_another_device_is_said(killed: Path, monkeypatch):
     work = killed / "work" / "force_curves"
     said = json.loads((work / parts.PARTS).read_text())

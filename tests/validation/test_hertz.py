@@ -57,6 +57,7 @@ def test_rest_on_the_floor(expect_law, driver, device):
         expect_law(f"{name}, load over the weight", load[b] / weight, 1.0, 1e-4, bias=FORCE)
 
 
+@pytest.mark.thorough
 def test_pressed_cells(expect_law, driver, device):
     """Two unequal cells held by two traps: at rest the pull K·(gap − δ)/2 is the Hertz force of the overlap δ.
 

@@ -73,6 +73,7 @@ def test_frames_wait_for_the_one_before_and_the_session_never(loop: Loop, bead: 
     assert not page.alive
 
 
+@pytest.mark.thorough
 def test_a_page_that_dies_is_told_once_and_the_session_goes_on(loop: Loop, bead: ot.Scene):
     lines: list[str] = []
     page = PageProcess(bead, port=0, ended=lines.append)

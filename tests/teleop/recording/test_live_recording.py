@@ -129,6 +129,7 @@ def test_a_session_without_hands_is_recorded(tmp_path):
         assert sum(m.topic == "/tf" for m in file.messages()) > 5
 
 
+@pytest.mark.thorough
 def test_a_recording_without_a_name_is_named_by_the_time(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     script = Script(after(2), c.Record(True), after(5))

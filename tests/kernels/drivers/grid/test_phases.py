@@ -34,7 +34,8 @@ def stepped(make, *, phased: bool, device: str) -> dict[str, np.ndarray]:
     return {"place": sim.state.position.numpy(), "force": sim.readout.contact_force.numpy()}
 
 
-@pytest.mark.parametrize("make", [jostling, pytest.param(with_robot, marks=pytest.mark.thorough)])
+@pytest.mark.thorough
+@pytest.mark.parametrize("make", [jostling, with_robot])
 def test_same_steps_however_launched(make, monkeypatch, device):
     """Graphs of one step and of sixteen give what one kernel gives for all of them, two stages and a robot included."""
     monkeypatch.setattr("otwarp.simulation.model.takes_turns", lambda *about: False)
