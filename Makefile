@@ -26,10 +26,10 @@ test thorough validate: export OMP_NUM_THREADS = 1
 # without its files of byte code each of some hundred processes compiles the package anew
 unexport PYTHONDONTWRITEBYTECODE
 
-# most tests wait for the compiler alone; the others, with kernels as users have them, and some wait for a clock: three at once
+# most tests wait for the compiler alone; the others, with kernels as users have them. Some wait for a clock: three at once
 test: $(READY)  ## run the tests (6 to 12 minutes on two cores, the first time)
 	$(BIN)/python -m compileall -q -j 2 otwarp
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not stepping" --unoptimised
+	$(BIN)/python -m pytest -n 3 --dist worksteal -m "not stepping" --unoptimised
 	$(BIN)/python -m pytest -n 3 --dist worksteal -m stepping
 
 # bodies that touch have kernels of their own on GPUs: here they run on a CPU

@@ -66,6 +66,7 @@ def test_every_copy_finds_its_scene(elsewhere: Path, kind: str) -> None:
             assert Path(name, scene).is_file()
 
 
+@pytest.mark.thorough
 def test_a_copied_study_runs(elsewhere: Path) -> None:
     assert main(["scenes", "copy", "capture"]) == 0
     text = Path("capture.toml").read_text().replace("count = 16", "count = 2").replace('"1 s"', '"2 ms"')

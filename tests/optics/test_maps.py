@@ -94,6 +94,7 @@ def test_flow_from_beyond_the_table_does_not_return(ladder):
     assert list(attracted(table, far, region=2.0)) == [False, True]
 
 
+@pytest.mark.thorough
 def test_a_beam_that_holds_nothing_has_a_map_without_contour(tmp_path):
     weak = Ladder(
         beam=Beam(numerical_aperture=0.6), sphere=Particle(radius=0.5, index=2.0), tolerance=0.05, cache=tmp_path

@@ -48,6 +48,7 @@ def on_the_way(scene: Scene) -> Scene:
     )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "precision"),
     [

@@ -119,6 +119,7 @@ def test_half_turn_of_touching_spheres(expect_law, device):
     expect_law("half turn of a touching dimer [s]", found, expected, STEP_ERROR * expected, bias=upper - expected)
 
 
+@pytest.mark.thorough
 def test_orbit_out_of_the_plane(expect_law, device):
     """Axes that start anywhere follow the integral of the same resistance problem in float64.
 

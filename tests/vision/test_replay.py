@@ -26,6 +26,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("world", [0, 1])
 def test_the_way_to_the_next_frame_is_the_runs_own(run: Path, world: int) -> None:
     scene = Scene.load(run / "run.usda")

@@ -173,6 +173,7 @@ def poses(seed: int, n: int, spread: float) -> tuple[np.ndarray, np.ndarray]:
     return position.astype(np.float32), quaternions(rng, 2 * n).reshape(n, 2, 4)
 
 
+@pytest.mark.thorough
 def test_rods_touch_where_they_are_nearest(device):
     """The deepest contact is that of the nearest points of the axes, listed if within reach; the arms meet there."""
     bodies, n, ahead = (rod_body("A"), rod_body("B", position=AWAY)), 1500, 0.2

@@ -29,6 +29,7 @@ from tests.reference.rotations import matrix
 from tests.reference.segments import along_segment, point_segment
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("shape", [s for s in SHAPES if s != "mesh"])
 def test_rods_touch_obstacles_where_they_are_nearest(shape, device):
     """The deepest contact has the least distance along the rod, as dense samples of the float64 twin find it."""

@@ -11,6 +11,7 @@ from tests.simulation.setups import harmonic
 from tests.simulation.test_determinism import touching_scene
 
 
+@pytest.mark.thorough
 def test_solo_and_world_drivers_agree_without_contact(device):
     """The same beads that cannot collide (solo) and that could but are far apart (world): equal to a few roundings.
 

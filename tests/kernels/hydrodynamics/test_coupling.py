@@ -61,6 +61,7 @@ def pairs(n: int = 300) -> tuple[np.ndarray, np.ndarray]:
     return way.astype(np.float32).astype(float), radii.astype(np.float32).astype(float)
 
 
+@pytest.mark.thorough
 def test_pair_tensor(device):
     """The kernel against the surface average, in all ranges; and at one place."""
     way, radii = pairs()

@@ -152,6 +152,7 @@ def test_tasks_of_a_round(scene):
     assert len(tasks(study, range(count), gpu=False)) == count
 
 
+@pytest.mark.thorough
 def test_plan_and_files(scene, tmp_path, capsys):
     """`plan`, `run` and `status` speak of the budget; shards are refused."""
     (tmp_path / "s.toml").write_text(
