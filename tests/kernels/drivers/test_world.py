@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import pytest
 
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.setups import harmonic
