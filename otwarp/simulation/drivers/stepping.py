@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -119,7 +120,7 @@ STEPS_PER_GRAPH = 16
 """Steps in the longer of the graphs: launching one takes longer than a step of few worlds."""
 
 
-class PhaseGraphs:
+class PhaseGraphs(ABC):
     """Steps of a driver in phases: graphs of one step and of some, replayed.
 
     Args:
@@ -145,9 +146,9 @@ class PhaseGraphs:
             block = block or kernel.module.options["block_dim"]
             wp.launch(kernel, dim=dim, inputs=inputs, device=self.model.device, block_dim=block)
 
+    @abstractmethod
     def _take_steps(self, steps: int) -> None:
         """Launch so many steps."""
-        raise NotImplementedError
 
     def _capture(self, steps: int) -> wp.Graph:
         with wp.ScopedCapture(device=self.model.device) as capture:
