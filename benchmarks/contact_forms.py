@@ -22,6 +22,7 @@ from otwarp.bench.terms.scenes import SCENES as TERMS
 from otwarp.bench.timing import Quartiles, elapsed
 from otwarp.device import pick_device
 from otwarp.errors import InputError
+from otwarp.kernels.drivers.grid.data import shares_entries
 from otwarp.scene import Material, Scene
 from otwarp.simulation import model
 from otwarp.simulation.simulation import Simulation
@@ -60,8 +61,7 @@ def taking(form: str) -> Iterator[None]:
     """Simulations that are made within step in a form of `FORMS`."""
     kept = model.many_in_phases
     try:
-        if form == FORMS[0]:
-            model.many_in_phases = lambda *_: False
+        model.many_in_phases = lambda features, *_: form == FORMS[1] and shares_entries(features)
         yield
     finally:
         model.many_in_phases = kept

@@ -33,5 +33,5 @@ def take_gpu_forms(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(model, "takes_turns", lambda *about: False)
     gpu: Any = SimpleNamespace(is_cuda=True, sm_count=1)
     patch.setattr(model, "keeps_contacts", lambda f, worlds, device: keeps_contacts(f, 1_000, gpu))
-    patch.setattr(model, "many_in_phases", lambda f, device: many_in_phases(f, gpu))
+    patch.setattr(model, "many_in_phases", lambda f, worlds, device: many_in_phases(f, 1_000, gpu))
     patch.setattr(model, "team_for", lambda f, worlds, device: team_for(f, 1, gpu))

@@ -287,7 +287,7 @@ def _stepped_features(known: ResolvedScene, time_step: float, device: wp.Device,
     by_world = features.driver == "grid" and not soft and fits_a_block(scene)
     solved = {"soft_contacts": soft, "in_turn": in_turn, "body_space": space, "by_world": by_world}
     features = dataclasses.replace(features, **solved)
-    features = dataclasses.replace(features, phased=features.phased or many_in_phases(features, device))
+    features = dataclasses.replace(features, phased=features.phased or many_in_phases(features, worlds, device))
     forms = {"keeps": keeps_contacts(features, worlds, device), "team": team_for(features, worlds, device)}
     return dataclasses.replace(features, **forms)
 

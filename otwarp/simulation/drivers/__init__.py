@@ -6,7 +6,7 @@ In: a `Model` with its features, `State`, `Control` and `Readout`. Out: the same
 |---|---|
 | `stepping` | fused drivers, and the phases of a step as a graph; open it first |
 | `grid_stepper`, `block_stepper` | many bodies on a grid: a launch a stage, or a block of threads a world |
-| `grid_phases_stepper` | on GPUs, worlds of some hundred bodies: a launch a part of the step, a team a world |
+| `grid_phases_stepper` | on GPUs, many worlds of some hundred bodies: a launch a part of the step, a team a world |
 | `world_scratch`, `grid_scratch` | memory of a thread's world; of the grid |
 | `compilation` | loads kernels, says what a GPU keeps for them |
 | `launches` | launches that are packed once and replayed |

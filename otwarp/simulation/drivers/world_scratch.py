@@ -20,6 +20,10 @@ THREADS_PER_MULTIPROCESSOR = 256
 TEAM_THREADS = {LARGEST: 128, 8: 384}
 """Threads of teams of each size that a multiprocessor is to have at most; beyond, smaller teams take less time."""
 
+WORLDS_PER_MULTIPROCESSOR = 4
+"""Worlds of some hundred bodies up to which one kernel for many steps takes less time than one for each part of a step
+(benchmarks/contact_forms.py): launches cost more than worlds that wait for none but themselves."""
+
 WARP = 32
 """Threads that go together on a GPU."""
 
@@ -47,9 +51,9 @@ def team_for(f: Features, worlds: int, device: wp.Device) -> int:
     return 1
 
 
-def many_in_phases(f: Features, device: wp.Device) -> bool:
-    """Whether worlds of some hundred bodies go through a step part by part: where a GPU shares out their contacts."""
-    return device.is_cuda and shares_entries(f)
+def many_in_phases(f: Features, worlds: int, device: wp.Device) -> bool:
+    """Whether worlds of some hundred bodies go through a step part by part: where they are many for a GPU."""
+    return device.is_cuda and shares_entries(f) and worlds > WORLDS_PER_MULTIPROCESSOR * device.sm_count
 
 
 def largest_launch(f: Features, worlds: int, device: wp.Device) -> int:

@@ -1,4 +1,4 @@
-"""Worlds of some hundred bodies in phases: a kernel for each part of a step, for GPUs.
+"""Worlds of some hundred bodies in phases: a kernel for each part of a step, for many worlds on GPUs.
 
 What `world` does by a block of threads for many steps is done here by one kernel after the other, for all worlds, as
 `world_phases` does for few bodies: together these parts are more code than a multiprocessor keeps at hand, and blocks

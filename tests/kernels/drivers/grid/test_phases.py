@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+import warp as wp
 
 from otwarp.kernels.step import make_step
 from otwarp.simulation.drivers.block_stepper import BlockStepper
 from otwarp.simulation.drivers.grid_phases_stepper import GridPhasesStepper
 from otwarp.simulation.drivers.stepping import StepperParts
+from otwarp.simulation.drivers.world_scratch import many_in_phases
 from otwarp.simulation.simulation import Simulation
 from tests.kernels.drivers.grid.test_turns import jostling
 from tests.kernels.drivers.grid.test_world import with_robot
@@ -43,3 +47,11 @@ def test_same_steps_however_launched(make, monkeypatch, device):
     for name, value in together.items():
         assert np.abs(value).max() > 0.01
         np.testing.assert_allclose(apart[name], value, rtol=0.0, atol=0.0 if device == "cpu" else ROUNDED)
+
+
+def test_few_worlds_keep_to_one_kernel():
+    """By the number of all worlds of a simulation, so that its shards agree."""
+    features = dataclasses.replace(Simulation(with_robot(), device="cpu").model.features, in_turn=False)
+    gpu: Any = SimpleNamespace(is_cuda=True, sm_count=132)
+    assert [many_in_phases(features, worlds, gpu) for worlds in (1, 528, 529)] == [False, False, True]
+    assert not many_in_phases(features, 4_096, wp.get_device("cpu"))
