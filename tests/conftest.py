@@ -97,6 +97,7 @@ THOROUGH = (
     "studies/test_engines.py",
     "studies/test_rerun.py",
     "studies/test_slurm.py",
+    "studies/test_token.py",
     "teleop/operators/test_local_scene.py",
     "teleop/page/test_end_to_end.py",
     "test_docstrings.py",

@@ -23,7 +23,7 @@ from typing import Any
 from otwarp.errors import InputError
 from otwarp.studies.any_study import AnyStudy
 from otwarp.studies.engines.local import Progress, compute_and_keep, tasks
-from otwarp.studies.engines.ray_internals import silent_workers, sockets_in
+from otwarp.studies.engines.ray_internals import show_token, silent_workers, sockets_in
 from otwarp.studies.engines.sent import packed, unpacked
 from otwarp.studies.store import Store, versions
 
@@ -120,11 +120,14 @@ def _connected(address: str | None) -> Iterator[Any]:
         how |= {"address": address} if address else {"address": "local", "include_dashboard": False, **_short_folder()}
         try:
             with _quiet():
+                if address is not None:
+                    show_token()
                 ray.init(**how)
         except (ConnectionError, RuntimeError, ValueError) as error:
             where = f"--address is {address}" if address else "--engine is ray"
+            token = ", with its token in RAY_AUTH_TOKEN or ~/.ray/auth_token" if _asks_for_token(error) else ""
             raise InputError(f"{where}: {_first_line(error)}; allowed: a Ray head, from a host on which "
-                             "`ray start` has joined it") from None  # fmt: skip
+                             f"`ray start` has joined it{token}") from None  # fmt: skip
     try:
         _handle(kept)
         with silent_workers():  # a lost worker is no news worth a hundred lines on standard output
@@ -133,6 +136,11 @@ def _connected(address: str | None) -> Iterator[Any]:
         if begun:
             ray.shutdown()
             _handle(kept)
+
+
+def _asks_for_token(error: BaseException) -> bool:
+    """Whether a cluster has refused us for want of its token, which Ray tells deep within another error."""
+    return "InvalidAuthToken" in f"{error} {error.__cause__}"
 
 
 def _handle(handlers: dict[signal.Signals, Any]) -> None:
