@@ -55,6 +55,7 @@ def test_the_simulator_is_calibrated(run: Path) -> None:
     assert np.all(np.abs(slow - bead.attrs["drag"]) < 5.0 * error)
 
 
+@pytest.mark.thorough
 def test_no_room_for_the_picture(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A disk that is full: one line, exit code 2, no remains."""
     for name in ("calib.png", "calib.pdf"):

@@ -120,6 +120,7 @@ def mesh(tmp_path_factory):
     )
 
 
+@pytest.mark.thorough
 def test_decompose_writes_a_body_that_scenes_accept(mesh, tmp_path, capfd):
     body = tmp_path / "pill.usda"
     command = ["decompose", str(mesh), "-n", "4", "-o", str(body)]

@@ -57,6 +57,7 @@ def test_arguments_out_of_range_are_told_in_one_line(name, values, allowed):
         )
 
 
+@pytest.mark.thorough
 def test_hands_and_shifts_are_told_in_one_line():
     refused(lambda: Shift(half=(NAN, 0, 0)), "half of a shift is (nan, 0, 0); allowed: three numbers from 0")
     refused(lambda: Shift(half=(-5, 0, 0)), "half of a shift")

@@ -61,6 +61,7 @@ def test_a_free_fit_is_no_worse_and_says_how_far_it_jumps(curves):
     assert joined["isotropic"].r_squared < joined["radial"].r_squared
 
 
+@pytest.mark.thorough
 def test_errors_are_those_of_the_law_over_the_trap_region(curves):
     region = 1.5 * 2.5 + 2.0 * 1.064
     assert trap_region(BEAM, SPHERE) == pytest.approx(region)

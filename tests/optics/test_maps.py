@@ -115,6 +115,7 @@ def curves(ladder) -> Curves:
     return force_curves(ladder, samples=81)
 
 
+@pytest.mark.thorough
 def test_curves_hold_every_model_and_their_residuals(ladder, curves):
     assert set(curves.force) == set(MODELS)
     middle = len(curves.distance) // 2

@@ -42,6 +42,7 @@ def far_bead() -> Scene:
     return dataclasses.replace(scene, bodies=(moved,), traps=(dataclasses.replace(trap, position=track),))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("precision", "kind"), [("float32", "f4"), ("float64", "f8")])
 @pytest.mark.filterwarnings("ignore:.*falsified by the rounding of float32")
 def test_files_keep_the_digits_of_the_run(precision: str, kind: str, device: str, tmp_path: Path) -> None:

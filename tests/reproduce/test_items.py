@@ -51,6 +51,7 @@ def test_the_release_renders_what_its_filter_makes_of_published_forces():
     assert one.rendered == pytest.approx(np.array(expected), abs=1e-9)
 
 
+@pytest.mark.thorough
 def test_our_chain_follows_a_fast_hand_and_the_release_does_not():
     ours, theirs = (rendering.judged(rendering.swept(chain, "radial", 0.1)) for chain in ("stable", "paper"))
     assert ours.r_squared > 0.999

@@ -113,6 +113,7 @@ def test_another_device_is_said(killed: Path, monkeypatch):
     assert one.device == "cuda:0, cpu" and parts.where(one.parts).count("card") == 1
 
 
+@pytest.mark.thorough
 def test_what_turns_out_to_be_unavailable_is_no_part(killed: Path, monkeypatch):
     before = parts.read_parts(killed / "work" / "force_curves" / parts.PARTS)
 

@@ -122,6 +122,7 @@ def test_an_item_reads_back_as_it_was_written(report: Path):
     assert json.loads(json.dumps(done[0].result.said())) == said
 
 
+@pytest.mark.thorough
 def test_an_interrupted_item_leaves_nothing_and_the_rest_goes_on(tmp_path: Path):
     def interrupt(line: str) -> None:
         if line.startswith("force_curves:"):

@@ -83,6 +83,7 @@ def test_nothing_sinks_through_a_wall(driver, device):
     assert lowest > 1.0 - 0.1  # the first impact is seen one step late
 
 
+@pytest.mark.thorough
 def test_moving_box_pushes_a_bead(driver, device):
     """The box advances at 40 µm/s; the bead rides ahead of its face, pressed by the drag γv."""
     speed, half = 40.0, 2.0

@@ -169,6 +169,7 @@ def rotation_vectors(now: np.ndarray, start: np.ndarray) -> np.ndarray:
     return np.array(out)
 
 
+@pytest.mark.thorough
 def test_free_diffusion(device):
     """4000 worlds: standard error 2.2 %, of which five are allowed; the six components and all their correlations."""
     check_diffusion(4000, 20, device, seed=3)

@@ -97,6 +97,7 @@ def test_a_table_for_people():
     assert said["outcome [%]"] == "none 75, reached 25" and said["squeeze [pN]"] == "reached 6.5"
 
 
+@pytest.mark.thorough
 def test_analyse_on_escapes(scene, tmp_path, capsys):
     """The rate and its interval at each point, as of any study."""
     axes = {"trap_power": values([0.3, 0.4], unit="mW")}

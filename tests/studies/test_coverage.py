@@ -126,6 +126,7 @@ def test_free_energy_by_jarzynski():
         check_coverage(((low <= truth * THERMAL) & (truth * THERMAL <= high))[:, None], allowance=allowance)
 
 
+@pytest.mark.thorough
 def test_free_energy_by_crooks():
     """The acceptance ratio of 100 tracks there and 60 back, and the slope of the theorem, which is 1."""
     random = np.random.Generator(np.random.Philox(35))

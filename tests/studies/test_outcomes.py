@@ -94,6 +94,7 @@ def folder(tmp_path_factory):
     return here
 
 
+@pytest.mark.thorough
 def test_functions_of_a_file(folder):
     """They run, their digests are kept, and another text is another study."""
     study = load_study(folder / "s.toml")

@@ -89,6 +89,7 @@ def test_a_disk_that_fills_up(scene, whole, tmp_path):
     assert same(run_study(study_of(scene), out, devices=["cpu"]), whole)
 
 
+@pytest.mark.thorough
 def test_no_room_for_the_folder(tmp_path, tmp_path_factory, capsys):
     """A disk that fills up while the folder is made, by the scene itself: one line, exit code 2, and nothing stays."""
     (tmp_path / "s.toml").write_text(

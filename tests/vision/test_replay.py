@@ -44,6 +44,7 @@ def test_the_way_to_the_next_frame_is_the_runs_own(run: Path, world: int) -> Non
         assert np.abs(places[-1] - place[frame + 1]).max() < 1e-5 < np.abs(places[-1] - places[0]).max()
 
 
+@pytest.mark.thorough
 def test_an_exposure_is_many_moments_and_what_cannot_be_is_refused(run: Path, tmp_path: Path) -> None:
     assert moments(run, time=0.1).position.shape == (1, 1, 3)
     seen = moments(run, time=0.1, exposure=0.01, world=1, device="cpu")

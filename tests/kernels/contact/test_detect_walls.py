@@ -52,6 +52,7 @@ def test_rods_touch_obstacles_where_they_are_nearest(shape, device):
     assert touching > 20
 
 
+@pytest.mark.thorough
 def test_rods_touch_meshes_where_they_are_nearest(device):
     """A polyhedron near the unit sphere: contacts lie on the segment, none deeper than the sphere says, the deepest no
     shallower than its facets allow."""

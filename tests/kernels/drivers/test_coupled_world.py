@@ -27,6 +27,7 @@ WIDE = TrapLaw(stiffness=STIFFNESS)
 """A spring without end."""
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("integrator", "order"), [("eulerMaruyama", 1), ("heun", 2)])
 def test_order_of_the_drift(integrator, order, device):
     """Two beads let go near each other: halving the step divides the error by 2^order, pairs and forces varying."""

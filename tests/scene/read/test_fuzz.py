@@ -155,6 +155,7 @@ def test_text_with_damaged_bytes(base: Path, capfd: pytest.CaptureFixture[str], 
     assert_damage_is_judged(base, ".usda", capfd, edits)
 
 
+@pytest.mark.thorough
 @fuzzed(6)
 @given(edits=EDITS)
 @example(edits=[(1418, 1)])  # transform ops of a type that Python does not have: USD printed so on stderr

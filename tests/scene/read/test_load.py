@@ -366,6 +366,7 @@ def test_instances_with_scales_rotations_and_hidden_ones(stage_file: StageFile) 
     assert abs(cells[1].orientation[2]) == pytest.approx(1.0, rel=SINGLE)
 
 
+@pytest.mark.thorough
 def test_ten_thousand_cells_load_in_proportion(tmp_path) -> None:
     """Ten times the cells cost about ten times as much, not a hundred times."""
     grid = np.stack(np.meshgrid(np.arange(100), np.arange(100), [0.0]), axis=-1).reshape(-1, 3) * 7.0

@@ -5,11 +5,14 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import pytest
+
 from otwarp.scene.read.variations import Variations
 
 SCENE = Path(__file__).parents[3] / "scenes" / "single_bead.usda"
 
 
+@pytest.mark.thorough
 def test_threads_that_share_a_stage_get_the_values_that_they_ask_for():
     """As the devices of a study do, each with another point; without turns one in some has the other's radius."""
     variations = Variations(SCENE)

@@ -35,6 +35,7 @@ def tiny_kernels() -> tuple[Any, Any]:
     return first, second
 
 
+@pytest.mark.thorough
 def test_compiling_is_told_once(
     device: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -88,6 +89,7 @@ def test_a_module_that_threads_ask_for_at_once_is_loaded_once(monkeypatch: pytes
         list(pool.map(lambda _: load_kernels([kernel], place), range(2)))
 
 
+@pytest.mark.thorough
 def test_kernels_of_episodes_load_beside_the_step() -> None:
     """None is loaded by a launch, which threads may make at once."""
     sim = Simulation(Scene.load(SCENES / "single_bead.usda"), device="cpu", ends=[ot.timed_out(after=0.125)])

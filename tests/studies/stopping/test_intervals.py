@@ -55,6 +55,7 @@ def test_trials_follow_from_what_is_seen():
     assert enough <= last <= 1.03 * enough
 
 
+@pytest.mark.thorough
 def test_a_sequence_holds_at_every_look():
     """Looked at after every trial, 1 − level of the sequences at most ever miss; Clopper–Pearson misses more often."""
     count, n, p = 1_000, 400, 0.3

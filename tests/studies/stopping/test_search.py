@@ -167,6 +167,7 @@ def test_with_noise_the_largest_speed_is_that_of_the_fokker_planck_equation(tmp_
     assert float(found["largest_high"].squeeze()) < 0.95 * limit, "noise must matter"
 
 
+@pytest.mark.thorough
 def test_a_step_for_each_point(tmp_path, scene):
     """Weak traps take longer steps, which are stored; a study in one step agrees within its intervals."""
 

@@ -90,6 +90,7 @@ def test_a_page_that_dies_is_told_once_and_the_session_goes_on(loop: Loop, bead:
     page.close()
 
 
+@pytest.mark.thorough
 def test_a_page_that_hangs_is_killed_at_the_end(loop: Loop, bead: ot.Scene, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(module, "STOP_WITHIN", 0.2)
     page = PageProcess(bead, port=0)

@@ -139,6 +139,7 @@ def test_a_recording_without_a_name_is_named_by_the_time(tmp_path, monkeypatch):
     assert replay_recording(file).complete
 
 
+@pytest.mark.thorough
 def test_a_recording_that_cannot_be_is_told_and_the_session_goes_on(tmp_path):
     script = Script(after(2), c.Record(True, str(tmp_path / "a.bag")), after(2))
     Session(three_beads(), SessionOptions(device="cpu"), sinks=[script], say=lambda line: None).run()

@@ -48,6 +48,7 @@ def test_the_largest_sums_have_64_bits() -> None:
     assert 32.0 * float(MOST_LOAD) * float(QUANTA) == 2.0**63
 
 
+@pytest.mark.thorough
 def test_a_pair_pushes_both_alike(device: str) -> None:
     """To the last bit, and nothing else is pushed."""
     where = jumbled(40, 4.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from tests.kernels.drivers.grid.test_soft import ROUNDING, packed, soft_simulation
 from tests.reference.contact import sphere_obstacle, sphere_pair
@@ -27,6 +28,7 @@ def forces_between(where: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np
     return net, load
 
 
+@pytest.mark.thorough
 def test_one_step_moves_by_the_forces_of_all_pairs(device):
     """Cold: Δx = F·dt/6πηa, to rounding, in two worlds whose spheres are elsewhere."""
     scene = packed()
