@@ -5,15 +5,12 @@ from __future__ import annotations
 import warp as wp
 
 from otwarp.kernels.core.features import world_lanes
-from otwarp.kernels.drivers.grid.phases import GridPhases
+from otwarp.kernels.drivers.grid.phases import TEAM_BLOCK, GridPhases
 from otwarp.simulation.drivers.grid_scratch import allocate_grid, allocate_push
 from otwarp.simulation.drivers.stepping import PhaseGraphs, StepperParts
 
 TEAM_LANES = 32
 """Threads of a team at least: a world has some tens of entries."""
-
-TEAM_BLOCK = 256
-"""Threads of a block of teams, or more where one has more: four blocks that keep barriers fit on a multiprocessor."""
 
 
 class GridPhasesStepper(PhaseGraphs):

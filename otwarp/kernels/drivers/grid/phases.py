@@ -33,6 +33,9 @@ BLOCK = 128
 BLOCKS = 4
 """Such blocks that a multiprocessor is to hold: 128 registers a thread, in place of 255."""
 
+TEAM_BLOCK = 256
+"""Threads of a block of teams, or more where one has more: four blocks that keep barriers fit on a multiprocessor."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class GridPhases:
@@ -81,10 +84,14 @@ def make_grid_phases(f: Features) -> GridPhases:
     )
 
 
-def kernel_of(f: Features, block: int = BLOCK, blocks: int = BLOCKS) -> Any:
-    """Decorator of a kernel in blocks of so many threads, of which so many are to fit on a multiprocessor."""
+def kernel_of(f: Features, block: int = BLOCK, bounds: tuple[int, int] = (BLOCK, BLOCKS)) -> Any:
+    """Decorator of a kernel launched in blocks of `block` threads.
+
+    `bounds` are the most threads of a block, and how many blocks of so many a multiprocessor is to hold.
+    """
+    # Warp compiles a kernel for each size of its blocks: that of the module is the one that launches use
     options = {**f.module_options, "block_dim": block}
-    how = {"grid_stride": False, "launch_bounds": (block, blocks), "module_options": options}
+    how = {"grid_stride": False, "launch_bounds": bounds, "module_options": options}
     return wp.kernel(module="unique", enable_backward=False, **how)
 
 
@@ -195,7 +202,7 @@ def make_settle(f: Features) -> wp.Kernel:
     _, settle_world = contact_terms(f)
     world_at = world_term(f)
 
-    @kernel_of(f, WORLD_BLOCK, 1)
+    @kernel_of(f, TEAM_BLOCK, (WORLD_BLOCK, 1))
     def settle(
         model: ModelData,
         state: StateData,

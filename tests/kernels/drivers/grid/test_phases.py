@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 import warp as wp
 
+from otwarp.kernels.core.features import world_lanes
+from otwarp.kernels.drivers.grid.phases import TEAM_BLOCK, make_settle
 from otwarp.kernels.step import make_step
 from otwarp.simulation.drivers.block_stepper import BlockStepper
-from otwarp.simulation.drivers.grid_phases_stepper import GridPhasesStepper
+from otwarp.simulation.drivers.grid_phases_stepper import TEAM_LANES, GridPhasesStepper
 from otwarp.simulation.drivers.stepping import StepperParts
 from otwarp.simulation.drivers.world_scratch import many_in_phases
 from otwarp.simulation.simulation import Simulation
@@ -55,3 +57,11 @@ def test_few_worlds_keep_to_one_kernel():
     gpu: Any = SimpleNamespace(is_cuda=True, sm_count=132)
     assert [many_in_phases(features, worlds, gpu) for worlds in (1, 528, 529)] == [False, False, True]
     assert not many_in_phases(features, 4_096, wp.get_device("cpu"))
+
+
+def test_teams_are_launched_in_the_blocks_that_were_compiled():
+    """Else Warp compiles the longest kernel of a step a second time, while a graph is captured."""
+    features = dataclasses.replace(Simulation(with_robot(), device="cpu").model.features, in_turn=False)
+    assert make_settle(features).module.options["block_dim"] == TEAM_BLOCK
+    for worlds in (529, 1_024, 65_536):
+        assert world_lanes(worlds, 132, least=TEAM_LANES) <= TEAM_BLOCK
