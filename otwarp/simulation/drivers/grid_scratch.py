@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from otwarp.device import empty
 from otwarp.errors import InputError
 from otwarp.kernels.contact.contact import Contact
-from otwarp.kernels.core.features import MAX_BODY_CONTACTS
+from otwarp.kernels.core.features import MAX_BODY_CONTACTS, Features
 from otwarp.kernels.cpu.pair_block import PAIRS
 from otwarp.kernels.drivers.grid.contacts import CHUNKS, RELAXATIONS
 from otwarp.kernels.drivers.grid.data import (
@@ -102,6 +102,23 @@ def choose_cells(
     return needed[0], needed[1], needed[2]
 
 
+def check_numbers(f: Features, worlds: int, elements: int) -> None:
+    """Refuse more elements than int32 numbers the places of in neighbour lists, and the links of entries.
+
+    Raises:
+        InputError: Too many in all worlds together.
+    """
+    places = NEIGHBOURS if f.pairs else 0
+    if shares_entries(f):
+        # a link is twice the number of an entry, and its side
+        places = max(places, 2 * MAX_BODY_CONTACTS)
+    if worlds * elements * places >= 2**31:
+        raise InputError(
+            f"worlds is {worlds} with {elements} spheres that collide in each; allowed: {(2**31 - 1) // places} such "
+            "spheres in all worlds together"
+        )
+
+
 def allocate_neighbours(model: Model, state: State) -> Annotated[Any, NeighbourData]:
     """Cells and lists; of no length where nothing can touch anything."""
     f, w, device = model.features, model.worlds, model.device
@@ -128,11 +145,7 @@ def allocate_neighbours(model: Model, state: State) -> Annotated[Any, NeighbourD
     data.cells = wp.vec3i(*cells)
     own = w if f.by_world else 1
     total, listed = w * elements, w * elements if f.pairs else 0
-    if listed * NEIGHBOURS >= 2**31:
-        raise InputError(
-            f"worlds is {w} with {elements} spheres that collide in each; allowed: {(2**31 - 1) // NEIGHBOURS} such "
-            "spheres in all worlds together"
-        )
+    check_numbers(f, w, elements)
     searched = w * math.prod(cells) if f.pairs and not f.by_world else 0
     sorted = 0 if f.by_world else listed
     counts = {"key": 2 * sorted, "item": 2 * sorted, "start": searched, "finish": searched, "count": total}
