@@ -68,11 +68,12 @@ def taking(form: str) -> Iterator[None]:
 
 
 def timed(case: Case, worlds: int, form: str, device: wp.Device, steps: int, rounds: int) -> dict[str, Any]:
-    """Time of a step [s], its length [s], sweeps over the contacts of a world in it, and bodies that touch.
+    """Steps of a case in a form of `FORMS`, after those until its bodies have met.
 
     Returns:
-        `took`, `real_time`; `phased`: whether it is taken in parts; `sweeps`, `worst`: on average, and of the world of
-        most of them; `touching`: share.
+        `took`: quartiles of the time of a step of all worlds [s]; `real_time`: simulated seconds a second, all worlds
+        together; `phased`: whether steps are taken in parts; `sweeps`, `worst`: sweeps over the contacts of a world in
+        a step, of all worlds on average and of the world of most of them; `touching`: share of the bodies.
     """
     with taking(form):
         sim = Simulation(case.scene(), worlds=worlds, seed=4, device=device, threads=1, allow_large_step=True)

@@ -17,7 +17,7 @@ from otwarp.simulation.drivers.world_scratch import keeps_contacts, many_in_phas
 
 
 def take_gpu_forms(patch: pytest.MonkeyPatch) -> None:
-    """Bodies one by one instead of in lanes, contacts in sweeps instead of in turns, the world driver in phases.
+    """Bodies one by one instead of in lanes, contacts in sweeps instead of in turns, steps in phases.
 
     A bead before an obstacle has its contacts in local arrays, as in many worlds; phases have teams, as in few.
     """

@@ -99,8 +99,8 @@ class Features:
         in_turn: CPU form of the contacts of the `grid` driver: solved one after the other, not all at once in sweeps.
         keeps: GPU form of the `world` driver for many worlds of few contacts that are solved for their forces: they lie
             in local arrays, which are read faster, and which a GPU reserves for as many threads as it can hold.
-        phased: GPU form of the `world` driver for bodies that turn and touch, and of `by_world` where bodies touch: a
-            kernel for each part of a step.
+        phased: GPU form of the `world` driver for bodies that turn and touch, and of `by_world` for many worlds whose
+            bodies touch: a kernel for each part of a step.
         cached: CPU form of the `world` driver: a thread has a cache to itself, so that constants of the bodies are read
             once a launch and not once a stage, and few contacts are solved for their forces.
         team: In phases, threads that share out a world, several where worlds are few; see `kernels.core.team`.

@@ -14,7 +14,12 @@ TEAM_LANES = 32
 
 
 class GridPhasesStepper(PhaseGraphs):
-    """Launches the phases of `by_world`; a world's result depends on its index, seed and step alone."""
+    """Launches the phases of `by_world`; a world's result depends on its index, seed and step alone.
+
+    Attributes:
+        lanes: Threads of the team of a world.
+        block: Threads of a block of teams.
+    """
 
     def __init__(self, parts: StepperParts):
         model = parts.model

@@ -141,7 +141,7 @@ class PhaseGraphs(ABC):
         self.graphs: dict[tuple[int, int], wp.Graph] = {}
 
     def launch(self, kernel: Any, dim: int | tuple[int, int], *inputs: object, block: int | None = None) -> None:
-        """Launch a kernel that there may be over so many threads, in blocks of so many or as it was compiled."""
+        """Launch a kernel over `dim` threads, in blocks of `block` or of what it was compiled for; nothing for None."""
         if kernel is not None:
             block = block or kernel.module.options["block_dim"]
             wp.launch(kernel, dim=dim, inputs=inputs, device=self.model.device, block_dim=block)

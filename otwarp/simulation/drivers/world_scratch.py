@@ -21,8 +21,11 @@ TEAM_THREADS = {LARGEST: 128, 8: 384}
 """Threads of teams of each size that a multiprocessor is to have at most; beyond, smaller teams take less time."""
 
 WORLDS_PER_MULTIPROCESSOR = 4
-"""Worlds of some hundred bodies up to which one kernel for many steps takes less time than one for each part of a step
-(benchmarks/contact_forms.py): launches cost more than worlds that wait for none but themselves."""
+"""Worlds of some hundred bodies up to which one kernel takes many steps, beyond which each part of a step is a kernel.
+
+Of 201 bodies on an H100 (132 multiprocessors) the first takes less time in 256 worlds, the second in 1,024
+(docs/benchmarks/contact_forms.md); in between nothing was measured.
+"""
 
 WARP = 32
 """Threads that go together on a GPU."""
@@ -59,9 +62,7 @@ def many_in_phases(f: Features, worlds: int, device: wp.Device) -> bool:
 def largest_launch(f: Features, worlds: int, device: wp.Device) -> int:
     """Threads of the largest launch over the traps or bodies of `worlds` worlds, of any driver or readout."""
     lanes = world_lanes(worlds, device.sm_count) if f.by_world and device.is_cuda else 1
-    return worlds * max(
-        f.traps + f.bodies, spread_of(worlds, device), lanes, f.team * (1 if f.driver == "grid" else f.bodies)
-    )
+    return worlds * max(f.traps + f.bodies, spread_of(worlds, device), lanes, f.team * f.bodies)
 
 
 def allocate_world(features: Features, rows: int, place: Place) -> Annotated[Any, WorldScratch]:
@@ -90,7 +91,7 @@ def _lengths(f: Features) -> dict[str, int]:
         lengths = {name: f.max_contacts for name in {**ContactList.vars, **SolveRoom.vars} if name not in unused}
         if "matrix" in lengths:
             lengths["matrix"] = f.max_contacts**2
-    if f.phased and f.driver == "world":
+    if f.phased:
         lengths |= dict.fromkeys(("linear", "angular", "free", "body_drift"), f.bodies)
         lengths |= {"count": 1, "rotation": 0 if f.rigid else f.bodies, "moved": nodes_of(f) if f.body_space else 0}
     return lengths

@@ -1,8 +1,8 @@
 """The grid driver: many bodies that may touch. In: a feature set. Out: the kernels of a step, or one of many steps.
 
 Open `step` first: what one thread per body and launch does, one kernel after the other. `world` does the same to worlds
-of some hundred bodies by a block of threads each, for many steps in one launch; `phases` part by part for all worlds,
-where a GPU shares out their contacts.
+of some hundred bodies by a block of threads each, for many steps in one launch; `phases` does it part by part for all
+worlds, where they are many for a GPU.
 
 data, store    the arrays they keep between launches, and contacts in them
 move           free moves of the integrator's two stages
