@@ -11,7 +11,8 @@ from pathlib import Path
 from tests.documents import ROOT
 
 FOREIGN = re.compile(
-    r"rmw_\w+|RMW_\w+|ros_discovery_info|dualsense_input_report|data_|_ptr"  # ROS 2, Linux, Cyclone DDS, Warp
+    r"rmw_\w+|RMW_\w+|RAY_\w+|ros_discovery_info"  # ROS 2, Ray
+    r"|dualsense_input_report|data_|_ptr"  # Linux, Cyclone DDS, Warp
     r"|(numpy|hid|wp|Gf|rosbags|law)\..*|\w+\.(nc|usda|usdc|png|toml|pt|html|csv)"
 )
 """Names of others, of files, and of variables that are called like a module."""
