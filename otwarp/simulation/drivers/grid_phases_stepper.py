@@ -13,6 +13,14 @@ TEAM_LANES = 32
 """Threads of a team at least: a world has some tens of entries."""
 
 
+def places_for(moving: int | None, worlds: int) -> int:
+    """Places over which steps are launched where so many of all `worlds` are in motion; None: all of them.
+
+    A power of two, or all: so graphs are few, and less than half of their places are empty.
+    """
+    return worlds if moving is None else min(1 << (max(moving, 1) - 1).bit_length(), worlds)
+
+
 class GridPhasesStepper(PhaseGraphs):
     """Launches the phases of `by_world`; a world's result depends on its index, seed and step alone.
 
@@ -61,8 +69,7 @@ class GridPhasesStepper(PhaseGraphs):
 
     def advance(self, first_step: int, steps: int, worlds: int | None = None) -> None:
         """Take `steps` steps from `first_step` in all worlds, or in those of the list of worlds in motion."""
-        # graphs of powers of two: few, and no more than twice as many places as there are worlds in motion
-        self.places = min(1 << ((worlds or self.model.worlds) - 1).bit_length(), self.model.worlds)
+        self.places = places_for(worlds, self.model.worlds)
         elements = self.places, self.scratch.near.elements
         span = wp.int64(first_step), wp.int64(first_step + steps)
         self.launch(self.phases.start, elements, self.model.data, self.state.data(), self.scratch, *span)

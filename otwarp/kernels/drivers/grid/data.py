@@ -98,7 +98,7 @@ class EntryData:
     touched: wp.array(dtype=wp.int32)  # (W·B) bodies of each world that have some, in its first places
     touches: wp.array(dtype=wp.int32)  # (W) how many
     weight: wp.array2d(dtype=wp.int64)  # (W, 2) sums that scale the first guess, see `weigh`
-    sweeps: wp.array(dtype=wp.int32)  # (W) how many were taken
+    sweeps: wp.array(dtype=wp.int32)  # (W) how many were taken since the start
 
 
 @wp.struct

@@ -14,7 +14,7 @@ from otwarp.kernels.core.features import world_lanes
 from otwarp.kernels.drivers.grid.phases import TEAM_BLOCK, make_settle
 from otwarp.kernels.step import make_step
 from otwarp.simulation.drivers.block_stepper import BlockStepper
-from otwarp.simulation.drivers.grid_phases_stepper import TEAM_LANES, GridPhasesStepper
+from otwarp.simulation.drivers.grid_phases_stepper import TEAM_LANES, GridPhasesStepper, places_for
 from otwarp.simulation.drivers.stepping import StepperParts
 from otwarp.simulation.drivers.world_scratch import many_in_phases
 from otwarp.simulation.simulation import Simulation
@@ -57,6 +57,10 @@ def test_few_worlds_keep_to_one_kernel():
     gpu: Any = SimpleNamespace(is_cuda=True, sm_count=132)
     assert [many_in_phases(features, worlds, gpu) for worlds in (1, 528, 529)] == [False, False, True]
     assert not many_in_phases(features, 4_096, wp.get_device("cpu"))
+
+
+def test_worlds_in_motion_are_launched_by_powers_of_two():
+    assert [places_for(moving, 11) for moving in (None, 1, 2, 3, 4, 5, 8, 9, 11)] == [11, 1, 2, 4, 4, 8, 8, 11, 11]
 
 
 def test_teams_are_launched_in_the_blocks_that_were_compiled():
