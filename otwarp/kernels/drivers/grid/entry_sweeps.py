@@ -54,8 +54,11 @@ MOST_WEIGHT = wp.constant(1.0e9)
 """Most that an entry adds to them [pN·µm]."""
 
 FIRST_SLACK = wp.constant(10.0)
-"""Tolerances of the first of two stages over those of a step: what its loads leave moves the mean drift, and by it a
-place, by half the share of a relaxation that a step is, a tenth at most where steps are chosen."""
+"""Tolerance of a contact in the first of two stages, over that at the end of a step.
+
+The places of the first stage serve to find the drift a second time and no more: an error e of theirs moves a body by
+½·(step/relaxation time)·e, at most a tenth of e in steps that are chosen.
+"""
 
 
 def moves_terms(f: Features) -> tuple[wp.Function, wp.Function]:
