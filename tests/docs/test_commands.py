@@ -25,6 +25,7 @@ LEFT = {
     r"otwarp study run .*--engine ray": "many cores; tests/studies/test_engines.py",
     r"otwarp (haptics replay|operators show)": "reads what a line above it would have made",
     r"otwarp vision (dataset|train|(track|find) .*--net )": "minutes, and what these make; tests/vision",
+    r"otwarp vision track .*--every 6 ": "minutes; the README has it with fewer frames",
     r"my_chip|SCENE": "a name that readers fill in",
 }
 BEFORE = {"README": ["otwarp run scenes/strategy_a.usda --out out/pair"]}
