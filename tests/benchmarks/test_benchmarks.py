@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from benchmarks import headlines, realtime, startup, terms
-from benchmarks.__main__ import BENCHMARKS
+from benchmarks.__main__ import BENCHMARKS, ON_GPUS
 from benchmarks.report import PAGES, Section, markers, put_on_page, save_json, write_pages
 from otwarp.bench.machine import Machine
 from otwarp.bench.report import Table
@@ -200,7 +200,7 @@ def test_tables_go_between_the_markers_of_the_page(term_section: Section):
 @pytest.mark.parametrize("name", BENCHMARKS)
 def test_every_benchmark_has_its_page(name: str):
     page = (PAGES / f"{name}.md").read_text()
-    for marker in markers(name, "cpu"):
+    for marker in markers(name, "cuda" if name in ON_GPUS else "cpu"):
         assert page.count(marker) == 1
 
 
