@@ -201,6 +201,30 @@ def test_what_is_seen_again_comes_back_by_the_ramp(lab):
     assert any("the estimator says nan" in line for line in said)
 
 
+class Stumbling:
+    """Fails at every image, by turns in two ways."""
+
+    def __init__(self):
+        self._looks = 0
+
+    def look(self, image, guess):
+        self._looks += 1
+        raise ValueError("Singular matrix" if self._looks % 2 else "no eigenvalues above 0")
+
+
+def test_causes_that_take_turns_are_said_once_each(lab):
+    """Else there were a line for every image."""
+    one = lab(look=Estimator(TOP, SIZE, {0: Stumbling()}))
+    one.run(60)
+    assert one.perception.frames > 20
+    said = [line.partition("is lost: ")[2] for line in one.stage.news]
+    assert said == [
+        "not seen yet",
+        "the estimator fails: Singular matrix",
+        "the estimator fails: no eigenvalues above 0",
+    ]
+
+
 def test_who_is_disarmed_while_lost_stays_so(lab):
     one = lab(look=Estimator(TOP, SIZE, {0: Blinking(range(40, 60))}), rule=LostRule(after=0.05), device=STILL)
     one.run(66)

@@ -59,7 +59,7 @@ class Hands:
         self._blind = [False] * len(self._names)
         self._resume = [False] * len(self._names)
         self._ordered = [False] * len(self._names)
-        self._causes = [""] * len(self._names)
+        self._causes: list[set[str]] = [set() for _ in self._names]
         self.status: ServoStatus | None = None
         self.engine = ""
         self.frames: tuple[HandFrame, ...] = tuple(
@@ -143,16 +143,17 @@ class Hands:
     def news(self) -> list[str]:
         """What each hand has to say that it did not say before, one line each.
 
-        What it holds may come and go several times a second: for the same cause that is said once.
+        What it holds may come and go several times a second, for one cause or for several by turns: each is said once.
         """
         lines = []
         for n, hand in enumerate(self.frames):
             if hand.message != self._reported[n]:
                 self._reported[n] = hand.message
                 cause = cause_of(hand.message) if self._blind[n] else ""
-                if hand.message and not (cause and cause == self._causes[n]):
+                if hand.message and cause not in self._causes[n]:
                     lines.append(f"{hand.name} hand: {hand.message}")
-                self._causes[n] = cause or self._causes[n]
+                if cause:
+                    self._causes[n].add(cause)
         return lines
 
     def publish(self, scene: SceneFrame | None) -> None:
