@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.perception.overlaps import MOST, Overlaps
 from otwarp.scene import Body, Scene
 from otwarp.simulation.simulation import Simulation
 
@@ -79,7 +80,8 @@ def plant_scene(scene: Scene, options: PlantOptions) -> Scene:
     if options.spread:
         factors = np.exp(options.spread * np.random.default_rng([options.seed, 17]).standard_normal(len(bodies)))
         bodies = tuple(_scaled(body, float(f)) for body, f in zip(bodies, factors, strict=True))
-    return dataclasses.replace(scene, medium=medium, bodies=bodies)
+    made = dataclasses.replace(scene, medium=medium, bodies=bodies)
+    return _apart(made) if options.spread else made
 
 
 def _scaled(body: Body, factor: float) -> Body:
@@ -92,7 +94,25 @@ def _scaled(body: Body, factor: float) -> Body:
     rods = tuple(
         dataclasses.replace(r, start=times(r.start), end=times(r.end), radius=r.radius * factor) for r in body.rods
     )
-    return dataclasses.replace(body, spheres=spheres, rods=rods, mobility=())
+    return dataclasses.replace(body, spheres=spheres, rods=rods, mobility=None)
+
+
+def _apart(scene: Scene) -> Scene:
+    """The scene, its bodies out of each other where they have grown into each other: cells stay, robots give way."""
+    bodies = scene.bodies
+    if len(bodies) > MOST:
+        return scene
+    order = sorted(range(len(bodies)), key=lambda n: bodies[n].kind != "cell")
+    position, turn = np.array([b.position for b in bodies]), np.array([b.orientation for b in bodies])
+    before = position.copy()
+    Overlaps(scene, np.zeros_like(position), order).part(position, turn, ())
+    placed = tuple(
+        dataclasses.replace(body, position=(float(here[0]), float(here[1]), float(here[2])))
+        if np.any(here != there)
+        else body
+        for body, here, there in zip(bodies, position, before, strict=True)
+    )
+    return dataclasses.replace(scene, bodies=placed)
 
 
 class Plant:

@@ -16,7 +16,7 @@ from otwarp.cli.main import main
 from otwarp.errors import InputError, PlausibilityWarning
 from otwarp.perception.calibrated import calibrated
 from otwarp.perception.kinds import make_camera
-from otwarp.perception.plant import PlantOptions, plant_of, plant_scene
+from otwarp.perception.plant import Plant, PlantOptions, plant_of, plant_scene
 from otwarp.perception.sources import network_of, piece_size
 from otwarp.scene import Scene
 from otwarp.vision.calibration.file import Calibration
@@ -186,6 +186,20 @@ def test_a_laboratory_has_its_own_viscosity_and_sizes():
     assert plant_scene(scene, PlantOptions(seed=3, spread=0.1)).bodies == plant.bodies
     other = plant_of(scene, "scenes/cell_delivery.usda")
     assert other.camera == scene.camera and len(other.obstacles) > len(scene.obstacles)
+
+
+@pytest.mark.thorough
+def test_a_laboratory_of_other_sizes_runs():
+    """Robots that hold a cell grow into it by more than contact takes, were they not put out of it."""
+    scene = Scene.load("scenes/cell_delivery.usda")
+    there = plant_scene(scene, PlantOptions(spread=0.05))
+    assert [b.position == a.position for a, b in zip(there.bodies, scene.bodies, strict=True)] == [False, True, True]
+    plant = Plant(there, device="cpu")
+    plant.begin(0.0)
+    plant.follow(0.05, plant.place, np.array([trap.power.at(0.0)[0] for trap in scene.traps]))
+    position, _ = plant.poses()
+    moved = position - np.array([body.position for body in scene.bodies])
+    assert plant.time >= 0.05 and np.linalg.norm(moved, axis=1).max() < 1.0
 
 
 def test_pieces_hold_a_body_however_it_turns():
