@@ -6,6 +6,7 @@ import csv
 import dataclasses
 import itertools
 import math
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -210,10 +211,17 @@ def _check_sizes(names: Sequence[Path]) -> None:
             raise InputError(f"{name}: is {size[0]} × {size[1]} pixels; allowed: {wide} × {high}, as {names[0].name}")
 
 
+def hush_opencv() -> None:
+    """Before OpenCV is imported: no lines of its own or of FFmpeg beside ours, unless the environment asks for them."""
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "ERROR")
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+
+
 def _video(file: Path) -> tuple[list[np.ndarray], float | None]:
     """Frames of a video as grey levels, row 0 the lowest, and its rate, by imageio or OpenCV."""
     if not file.is_file():
         raise InputError(f"{file}: there is no such file; allowed: a video")
+    hush_opencv()
     try:
         import cv2  # type: ignore[import-not-found]
     except ImportError:

@@ -14,7 +14,7 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.perception.camera import CameraFrame, CameraInfo, CameraLost, Piece, Region
-from otwarp.perception.files import grey
+from otwarp.perception.files import grey, hush_opencv
 
 
 class DeviceCamera:
@@ -42,6 +42,7 @@ class DeviceCamera:
 
     def open(self) -> None:
         """See `Camera`."""
+        hush_opencv()
         try:
             import cv2  # type: ignore[import-not-found]
         except ImportError:

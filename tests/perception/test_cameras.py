@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gc
+import os
+import subprocess
 import sys
 import time
 from types import ModuleType, SimpleNamespace
@@ -367,3 +369,19 @@ def test_a_genicam_clock_that_drifts_or_is_set_anew_is_followed():
     # set back by 100 s: believed again once the frames of the old clock are that old
     ticks = [(came, came - 100.0 + camera._offset(came, 100.0)) for came in (40.0, 41.0, 40.0 + 2.0 * CLOCK_OVER)]
     assert ticks[0][1] < -50.0 and ticks[2][1] == pytest.approx(ticks[2][0])
+
+
+@pytest.mark.thorough
+def test_opencv_says_nothing_beside_our_line(tmp_path):
+    """In a process of its own, as OpenCV reads when it is imported what it may say."""
+    pytest.importorskip("cv2", reason="OpenCV is not installed: pip install 'otwarp[cameras]'")
+    (tmp_path / "text.mp4").write_text("no video " * 100, encoding="utf-8")
+    code = (
+        "import sys\nfrom otwarp.errors import InputError\nfrom otwarp.perception.kinds import make_camera\n"
+        "try: make_camera(sys.argv[1]).open()\nexcept InputError as error: print(error)"
+    )
+    plain = {name: value for name, value in os.environ.items() if not name.startswith("OPENCV_")}
+    for spec, said in (("v4l2:97", "OpenCV cannot open it"), (f"files:{tmp_path / 'text.mp4'}", "no frames in it")):
+        line = [sys.executable, "-c", code, spec]
+        ended = subprocess.run(line, capture_output=True, text=True, check=True, env=plain)
+        assert said in ended.stdout and not ended.stderr
