@@ -74,13 +74,13 @@ class Seeing:
 
 
 def followed_bodies(scene: Scene, names: Sequence[str] = ()) -> list[int]:
-    """Indices of the bodies that a camera follows.
+    """Indices of the bodies that a camera follows, each once.
 
     Raises:
         InputError: No such body, or none at all.
     """
     if names:
-        return [body_index(scene, _whole_name(scene, name)) for name in names]
+        return list(dict.fromkeys(body_index(scene, _whole_name(scene, name)) for name in names))
     cell = None if scene.goal is None else scene.goal.cell
     cells = [b.name for b in scene.bodies if b.kind == "cell"]
     chosen = {cell} if cell is not None else set(cells) if len(cells) <= MOST_CELLS else set()

@@ -14,6 +14,7 @@ import pytest
 
 from otwarp.cli.main import main
 from otwarp.errors import InputError, PlausibilityWarning
+from otwarp.perception.assemble import followed_bodies
 from otwarp.perception.calibrated import calibrated
 from otwarp.perception.kinds import make_camera
 from otwarp.perception.plant import Plant, PlantOptions, plant_of, plant_scene
@@ -186,6 +187,10 @@ def test_a_laboratory_has_its_own_viscosity_and_sizes():
     assert plant_scene(scene, PlantOptions(seed=3, spread=0.1)).bodies == plant.bodies
     other = plant_of(scene, "scenes/cell_delivery.usda")
     assert other.camera == scene.camera and len(other.obstacles) > len(scene.obstacles)
+
+
+def test_a_body_that_is_named_twice_is_followed_once():
+    assert followed_bodies(Scene.load(SMALL), ["/World/cell", "/World/Robots/left", "/World/cell"]) == [2, 0]
 
 
 @pytest.mark.thorough
