@@ -92,7 +92,7 @@ def _comparisons(found: Mapping[str, Any]) -> tuple[Comparison, ...]:
         Comparison(what="p of no difference", grade="D", paper=Value(number=fisher(first, second)),
                    ours=Value(number=ours["p"]), remark="Fisher, 10 + 10; McNemar on simulated pairs"),
         Comparison(what="Hedges' g of success", grade="D", paper=Value(number=rate_as_g(0.8, 0.3, 10)),
-                   ours=Value(number=ours["g of success"]), remark="ln(odds ratio)·√3/π"),
+                   ours=Value(number=ours["g of success"]), remark="simulated operators: ln(odds ratio)·√3/π"),
         Comparison(what="chance of at least 8 and at most 3 of 10", paper=Value(text="observed"), grade="S",
                    ours=_rate(found["small study"]["at least 8 and at most 3 of 10"]),
                    remark="that 10 + 10 simulated trials show the paper's table"),
