@@ -32,12 +32,13 @@ test: $(READY)  ## run the tests (6 to 12 minutes on two cores, the first time)
 	$(BIN)/python -m pytest -n 3 --dist worksteal -m "not stepping" --unoptimised
 	$(BIN)/python -m pytest -n 3 --dist worksteal -m stepping
 
-# bodies that touch have kernels of their own on GPUs: here they run on a CPU
-GPU_FORMS = $(addprefix tests/,kernels/drivers/grid kernels/drivers/test_world_phases.py \
-	$(addprefix simulation/test_,body_space.py contact.py contact_chains.py inlets.py mesh_obstacles.py periodic.py sharded.py))
+# bodies that touch have kernels of their own on GPUs: here they run on a CPU; tests that choose forms themselves have run
+GPU_FORMS = $(addprefix tests/,kernels/drivers/grid \
+	$(addprefix simulation/test_,body_space.py contact.py contact_chains.py inlets.py mesh_obstacles.py periodic.py sharded.py)) \
+	--ignore=tests/kernels/drivers/grid/test_phases.py
 
 thorough: $(READY)  ## run the files of tests that take longest, which `make test` leaves out
-	$(BIN)/python -m pytest -n 2 --dist loadfile --thorough -m thorough
+	$(BIN)/python -m pytest -n 3 --dist loadfile --thorough -m thorough
 	$(BIN)/python -m pytest -n 2 --dist loadfile --thorough --gpu-forms $(GPU_FORMS)
 
 validate: $(READY)  ## run all tests, the long statistical ones as well

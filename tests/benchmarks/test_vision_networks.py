@@ -23,6 +23,7 @@ PAPERS = {"resnet18": {"net": "resnet18", "heads": "paper", "schedule": "step", 
 """Of the first network of the full table: no pose."""
 
 
+@pytest.mark.validate
 def test_the_full_tables_are_filled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("torch")
     pytest.importorskip("onnxruntime")
