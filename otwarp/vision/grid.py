@@ -45,8 +45,9 @@ class Grid:
         return np.broadcast_to(q[None, :], (self.cells,) * 2), np.broadcast_to(q[:, None], (self.cells,) * 2)
 
     def image(self, whole: np.ndarray) -> np.ndarray:
-        """(…, height, width) middle of (…, pixels, pixels)."""
-        x, y = (self.pixels - self.width) // 2, (self.pixels - self.height) // 2
+        """(…, height, width) middle of (…, pixels, pixels): pixel (pixels // 2, pixels // 2), where a specimen's origin
+        is, becomes (height // 2, width // 2), also where one number is odd and the other even."""
+        x, y = self.pixels // 2 - self.width // 2, self.pixels // 2 - self.height // 2
         return whole[..., y : y + self.height, x : x + self.width]
 
 

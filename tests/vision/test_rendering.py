@@ -93,6 +93,19 @@ def test_light_is_kept_and_depth_has_a_sign(fourier: Fourier) -> None:
     assert above[48, 48] > 1.5 > below[48, 48]
 
 
+@pytest.mark.quick
+@pytest.mark.parametrize(("width", "height"), [(24, 24), (25, 24), (24, 25), (25, 25)])
+@pytest.mark.parametrize("margin", [0.5, 0.6])
+def test_the_origin_is_the_middle_pixel(fourier: Fourier, width: int, height: int, margin: float) -> None:
+    """(width // 2, height // 2), of squares of even and odd sides: labels, templates and networks count from there."""
+    ball, how = Specimen.of_spheres([[0.0, 0.0, 0.0]], 0.5, 1.45), Rendering(rings=1, margin=margin, spacing=0.2)
+    exposed = expose(ball, microscope(), width, height, rendering=how, fourier=fourier)
+    assert exposed.grid.pixels % 2 == (margin == 0.5)
+    contrast = np.abs(exposed.images([1.0])[0] - 1.0)
+    row, column = np.unravel_index(int(np.argmax(contrast)), contrast.shape)
+    assert (int(row), int(column)) == (height // 2, width // 2)
+
+
 @pytest.mark.parametrize(("radius", "index", "lost"), [(1.0, 1.52, 0.0005), (2.5, 1.59, 0.0067)])
 def test_light_is_lost_as_mie_loses_it(fourier: Fourier, radius: float, index: float, lost: float) -> None:
     """What does not go forward is what the sphere throws back, whatever the slices: its surface loses none."""
