@@ -12,6 +12,7 @@ from scipy import ndimage
 
 from otwarp.errors import InputError
 from otwarp.scene import Scene
+from otwarp.scene.transforms import conjugate, rotate
 from otwarp.vision.datasets.robot import Robot
 from otwarp.vision.fourier import Fourier
 from otwarp.vision.networks.estimate import QUANTITIES, Estimate
@@ -22,8 +23,9 @@ from otwarp.vision.rendering import Rendering, expose
 from otwarp.vision.specimen import Specimen
 from otwarp.vision.tracking.matching import Matcher, mirror_probability, with_errors
 from otwarp.vision.tracking.recorded import RecordedBody, check_size, in_camera
+from otwarp.vision.tracking.rotations import exponential, product
 from otwarp.vision.tracking.shape import Shape
-from otwarp.vision.tracking.templates import Templates, posed
+from otwarp.vision.tracking.templates import Templates, leaning, posed
 from otwarp.vision.view import camera_of, microscope_of, sensor_of
 
 MARGIN = (0.5, 0.15)
@@ -36,7 +38,7 @@ HELD_OUT = 32
 """Images of poses between templates, spread over the tilts of a run, on which their errors are measured."""
 
 AMONG = 3
-"""Frames before and after one, in the order of their tilts, of which depth, tilt and azimuth of such a pose are."""
+"""Frames before and after one, in the order of their tilts, of which depth, tilt and turns of such a pose are."""
 
 
 @dataclass(frozen=True)
@@ -237,28 +239,29 @@ def template_source(
     )  # fmt: skip
     rng, fourier = np.random.default_rng([seed, 11]), Fourier(device)
     half = 0.5 * camera_of(scene).pixel_size
-    poses = np.zeros((HELD_OUT, 5))
+    poses = np.zeros((HELD_OUT, 6))
     poses[:, :2] = rng.uniform(-half, half, (HELD_OUT, 2))
-    poses[:, 2:] = _mixed(gone, rng)
+    poses[:, 2:] = _mixed(np.column_stack([gone, _rolls(recorded, shape)]), rng)
     poses[:, 3] = np.clip(poses[:, 3], templates.tilt[0], templates.tilt[-1])
     shots = [_shown(recorded, shape, pose, size, how, fourier, n) for n, pose in enumerate(poses)]
-    return TemplateSource(with_errors(Matcher(templates), poses, np.array(shots)))
+    return TemplateSource(with_errors(Matcher(templates), poses[:, :5], np.array(shots)))
 
 
 def _mixed(gone: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """(`HELD_OUT`, 3) depth, tilt and azimuth as the run has them, but none of its poses.
+    """(`HELD_OUT`, 4) depth, tilt, azimuth and roll as the run has them, but none of its poses.
 
-    Poses that scatter more than those of the body err more than they do, and would state too wide a covariance.
+    Poses that scatter more than those of the body err more than they do, and would state too wide a covariance. Azimuth
+    and roll are of one frame: of a body that is nearly upright they are nothing without each other.
 
     Args:
-        gone: (n, 3) of the run's frames.
+        gone: (n, 4) of the run's frames.
         rng: Random numbers.
     """
     order = np.argsort(gone[:, 1], kind="stable")
     place = ((np.arange(HELD_OUT) + rng.random(HELD_OUT)) / HELD_OUT * len(gone)).astype(int)
-    near = place[:, None] + rng.integers(-AMONG, AMONG + 1, (HELD_OUT, 3))
+    near = place[:, None] + rng.integers(-AMONG, AMONG + 1, (HELD_OUT, 3))[:, [0, 1, 2, 2]]
     frames = order[np.clip(near, 0, len(gone) - 1)]
-    return np.stack([gone[frames[:, k], k] for k in range(3)], axis=1) + rng.uniform(-0.01, 0.01, (HELD_OUT, 3))
+    return np.stack([gone[frames[:, k], k] for k in range(4)], axis=1) + rng.uniform(-0.01, 0.01, (HELD_OUT, 4))
 
 
 def _gone_through(recorded: RecordedBody, shape: Shape) -> np.ndarray:
@@ -274,12 +277,32 @@ def _gone_through(recorded: RecordedBody, shape: Shape) -> np.ndarray:
     return out
 
 
+def _rolls(recorded: RecordedBody, shape: Shape) -> np.ndarray:
+    """(n) angles about its axis by which a body is turned from how templates show it, in all frames [rad].
+
+    Templates do not know them: what they make a body seem to move by counts as an error. 0 for one that looks the same
+    at all of them.
+    """
+    out = np.zeros(len(recorded))
+    if shape.revolves or not np.any(shape.axis):
+        return out
+    camera = camera_of(recorded.scene)
+    for n, turn in enumerate(recorded.orientation[:, recorded.index]):
+        there = product(conjugate(np.array(camera.orientation)), turn)
+        axis = rotate(there, shape.axis)
+        tilt, yaw = math.asin(float(np.clip(axis[2], -1.0, 1.0))), math.atan2(axis[1], axis[0])
+        still = product(exponential([0.0, 0.0, yaw]), leaning(recorded.scene, recorded.body, shape, tilt))
+        x, y, z, w = product(conjugate(still), shape.nearest(there, still))
+        out[n] = math.remainder(2.0 * math.atan2(float(np.dot([x, y, z], shape.axis)), w), 2.0 * math.pi)
+    return out
+
+
 def _shown(
     recorded: RecordedBody, shape: Shape, pose: np.ndarray, size: int, how: Rendering, fourier: Fourier, seed: int
 ) -> np.ndarray:
-    """(size, size) grey levels of the body alone at a pose (5)."""
-    x, y, depth, tilt, yaw = pose
-    still = posed(recorded.scene, recorded.body, shape, float(tilt))
+    """(size, size) grey levels of the body alone at a pose (6): x, y, depth [µm], tilt, azimuth, roll [rad]."""
+    x, y, depth, tilt, yaw, roll = pose
+    still = posed(recorded.scene, recorded.body, shape, float(tilt), float(roll))
     c, s = math.cos(yaw), math.sin(yaw)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     start, end = (e @ turn.T + [x, y, depth] for e in (still.start, still.end))

@@ -157,19 +157,25 @@ class Templates:
         ]
 
 
-def posed(scene: Scene, body: str, shape: Shape, tilt: float) -> Specimen:
+def posed(scene: Scene, body: str, shape: Shape, tilt: float, roll: float = 0.0) -> Specimen:
     """The solids of a body alone in the frame of the camera, its centre at the origin, at a tilt and azimuth 0.
-
-    About its axis it is turned as at the start of the scene.
 
     Args:
         scene: With body and camera.
         body: Its name.
         shape: Of the body.
         tilt: [rad].
+        roll: By which it is turned about its axis from how it is at the start of the scene [rad].
     """
     robot = Robot.of_body(scene, body)
-    start = next(b for b in scene.bodies if b.name == robot.name).orientation
+    turn = leaning(scene, robot.name, shape, tilt, roll)
+    whole = robot.frame @ rotation_matrix(turn).T
+    return Specimen(robot.start @ whole, robot.end @ whole, robot.radius, robot.index)
+
+
+def leaning(scene: Scene, body: str, shape: Shape, tilt: float, roll: float = 0.0) -> np.ndarray:
+    """(4) orientation in the frame of the camera of a body at a tilt and azimuth 0; arguments as of `posed`."""
+    start = next(b for b in scene.bodies if b.name == body).orientation
     turn = product(conjugate(np.array(camera_of(scene).orientation)), np.array(start))
     if np.any(shape.axis):
         axis = rotate(turn, shape.axis)
@@ -178,8 +184,7 @@ def posed(scene: Scene, body: str, shape: Shape, tilt: float) -> Specimen:
         turn = product(exponential([0.0, 0.0, -azimuth]), turn)
         # about −y the axis rises from x towards z
         turn = product(exponential([0.0, math.atan2(axis[2], flat) - tilt, 0.0]), turn)
-    whole = robot.frame @ rotation_matrix(turn).T
-    return Specimen(robot.start @ whole, robot.end @ whole, robot.radius, robot.index)
+    return product(turn, exponential(roll * shape.axis))
 
 
 def _steps(name: str, limits: tuple[float, float], spacing: float) -> np.ndarray:
