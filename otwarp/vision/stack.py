@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import struct
 from collections.abc import Iterator
@@ -46,11 +47,14 @@ def save_stack(
 
     Raises:
         InputError: Another ending, or a file that cannot be written.
+        OSError: The disk is full; it names `file`.
     """
     check_ending(file)
     with written(file, f"--out {file}") as part:
         if file.suffix == ".npy":
-            np.save(part, intensity.astype(np.float32))
+            made = io.BytesIO()  # NumPy, which writes to a file itself, does not say that the disk is full
+            np.save(made, intensity.astype(np.float32))
+            part.write_bytes(made.getbuffer())
         elif file.suffix == ".tif":
             from PIL import Image
 

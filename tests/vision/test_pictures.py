@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from otwarp.vision.moment import moments
 from otwarp.vision.pictures import picture
 from otwarp.vision.rendering import Rendering
 from otwarp.vision.stack import load_stack, save_stack
+from tests.full_disk import largest_file
 
 
 @pytest.mark.quick
@@ -49,3 +51,15 @@ def test_panels_are_white_at_full_scale(tmp_path: Path, bits: int) -> None:
     assert (middle < 10).sum() > 100 and (middle > 245).sum() > 100
     save_stack(tmp_path / "s.tif", levels / levels.max(), levels, np.zeros(1), 0.1, bits)
     assert np.array_equal(load_stack(tmp_path / "s.tif"), levels)
+
+
+@pytest.mark.quick
+@pytest.mark.skipif(sys.platform != "linux", reason="needs RLIMIT_FSIZE")
+@pytest.mark.parametrize("ending", [".npy", ".tif", ".png"])
+def test_a_full_disk_is_said_and_leaves_nothing(tmp_path: Path, ending: str) -> None:
+    """NumPy's own writer tells how many values it wrote, and no cause."""
+    levels, file = np.random.default_rng(0).integers(0, 256, (3, 60, 60), dtype=np.uint8), tmp_path / f"s{ending}"
+    with largest_file(4096), pytest.raises(OSError, match="File too large") as error:
+        save_stack(file, levels / 255.0, levels, np.zeros(3), 0.1)
+    assert error.value.filename == str(file)
+    assert list(tmp_path.iterdir()) == []
