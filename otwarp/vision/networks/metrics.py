@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from otwarp.errors import InputError
 from otwarp.vision.networks.estimate import ANGLES, QUANTITIES
 from otwarp.vision.networks.predict import Predictions
 from otwarp.vision.networks.targets import Targets, errors, truth
@@ -115,6 +116,9 @@ def pose_scores(away: np.ndarray, covariance: np.ndarray | None, names: tuple[st
         square) by quantity; `coverage`: by per cent and quantity the share of errors within so many standard
         deviations; `nll`: mean negative log density of all together, in nats with µm and rad; `nees`: mean normalised
         squared error over k, 1 where all is right.
+
+    Raises:
+        InputError: A covariance that has no inverse, as a network states it whose training has diverged.
     """
     unit = np.array([math.degrees(1.0) if name in ANGLES else 1.0 for name in names])
     each = lambda values: {name: float(v) for name, v in zip(names, values, strict=True)}  # noqa: E731
@@ -126,14 +130,24 @@ def pose_scores(away: np.ndarray, covariance: np.ndarray | None, names: tuple[st
     if covariance is None:
         return found
     deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-    squares = np.einsum("ni,ni->n", away, np.linalg.solve(covariance, away[..., None])[..., 0])
-    volume = np.linalg.slogdet(covariance)[1]
+    squares, volume = _squares(away, covariance)
     return found | {
         "sigma": each(unit * np.sqrt(np.mean(deviation**2, 0))),
         "coverage": {p: each(np.mean(np.abs(away) <= z * deviation, 0)) for p, z in COVERAGES.items()},
         "nll": float(np.mean(0.5 * (squares + volume + len(names) * math.log(2.0 * math.pi)))),
         "nees": float(np.mean(squares)) / len(names),
     }
+
+
+def _squares(away: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(n) errors (n, k) squared over covariances (n, k, k), and (n) logarithms of their determinants."""
+    with np.errstate(invalid="ignore"):
+        sign, volume = np.linalg.slogdet(covariance)
+    wrong = np.flatnonzero(~(np.isfinite(away).all(1) & np.isfinite(volume) & (sign > 0.0)))
+    if len(wrong):
+        raise InputError(f"covariance that the network states of {len(wrong)} of {len(away)} images has no inverse; "
+                         "allowed: a network that has learnt, as with a smaller --lr")  # fmt: skip
+    return np.einsum("ni,ni->n", away, np.linalg.solve(covariance, away[..., None])[..., 0]), volume
 
 
 def _axis_error(mean: np.ndarray, true: np.ndarray, targets: Targets) -> float:

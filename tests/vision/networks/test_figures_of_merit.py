@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from otwarp.errors import InputError
 from otwarp.vision.datasets import Robot
 from otwarp.vision.networks.baselines import Shown, focus_measures, focus_ridge, nearest_template
 from otwarp.vision.networks.data import area_weights
@@ -34,6 +35,14 @@ def test_a_right_covariance_has_its_coverage() -> None:
     assert found["rmse"]["tilt"] == pytest.approx(math.degrees(0.3), rel=0.03)
     # who states half of the deviation is told to double it
     assert widening(away, covariance / 4.0) == pytest.approx((2.0, 2.0), rel=5.0 / math.sqrt(2.0 * COUNT))
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize("worst", [[[1.0, 1.0], [1.0, 1.0]], [[np.nan, 0.0], [0.0, 1.0]], [[np.inf, 0.0], [0.0, 1.0]]])
+def test_a_covariance_without_an_inverse_is_refused(worst: list[list[float]]) -> None:
+    """As of a training that diverged, which ended in NumPy's LinAlgError, or in NaN."""
+    with pytest.raises(InputError, match="of 1 of 3 images has no inverse; allowed: a network that has learnt"):
+        pose_scores(np.ones((3, 2)), np.array([np.eye(2), worst, np.eye(2)]), ("depth", "tilt"))
 
 
 def test_classes_are_counted_as_usual() -> None:
