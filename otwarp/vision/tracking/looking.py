@@ -26,6 +26,13 @@ SEVERAL = 1.5
 """Sides of a network's image beyond which a box is not that of one robot and its fringes."""
 
 
+LONG = 2.0
+"""Length over width of contrast from which on it says how a robot points."""
+
+ASKEW = 20.0
+"""Degrees beyond the learnt azimuths from which on that counts: fringes of what lies near turn contrast as well."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Sighting:
     """One of the bodies in a frame.
@@ -123,6 +130,7 @@ def _looked(frame: np.ndarray, f: Found, net: Estimator, pixel: float, middle: t
         notes.append("several robots, or none: larger than the network's images")
     if not (f.left <= there[0] <= f.right and f.low <= there[1] <= f.high):
         notes.append("the network has its centre elsewhere")
+    notes.append(_askew(f, net))
     angles = {"tilt": math.degrees(estimate.tilt), "yaw": math.degrees(estimate.yaw), "depth": estimate.depth}
     beyond = exceeded(net.about, {name: (v, v) for name, v in angles.items() if name in estimate.known})
     if beyond:
@@ -136,6 +144,17 @@ def _looked(frame: np.ndarray, f: Found, net: Estimator, pixel: float, middle: t
 def _near(there: tuple[float, float], at: tuple[int, int]) -> bool:
     """Whether a piece that is cut out anew would be the same one."""
     return all(math.floor(p + 0.5) == q for p, q in zip(there, at, strict=True))
+
+
+def _askew(f: Found, net: Estimator) -> str:
+    """What is said where long contrast points far from all azimuths that a network has learnt, modulo half a turn."""
+    first, last = net.about.get("learnt", {}).get("yaw", (-180.0, 180.0))
+    points = math.degrees(f.azimuth)
+    off = abs((points - 0.5 * (first + last) + 90.0) % 180.0 - 90.0) - 0.5 * (last - first)
+    if f.length < LONG * f.width or off < ASKEW:
+        return ""
+    learnt = f"{first:.4g}" if first == last else f"{first:.4g} to {last:.4g}"
+    return f"its contrast points along {points:.0f}°: the network has learnt azimuths of {learnt}° alone"
 
 
 def _cut(f: Found, frame: np.ndarray) -> str:

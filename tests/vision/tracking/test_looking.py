@@ -6,6 +6,8 @@ import csv
 import dataclasses
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -14,7 +16,9 @@ from otwarp.cli.main import main
 from otwarp.errors import InputError
 from otwarp.record import record_run
 from otwarp.scene import Scene, SceneBuilder, Settings
+from otwarp.vision.networks.estimate import Estimate
 from otwarp.vision.tracking.finding import find
+from otwarp.vision.tracking.looking import sightings
 
 pytest.importorskip("torch")
 pytest.importorskip("zarr")
@@ -117,6 +121,27 @@ def test_without_a_network_places_are_told(
     found = np.array([(one["x_um"], one["y_um"]) for one in said])
     assert np.abs(found - PLACES[:, :2]).max() < 0.1
     assert sorted(p.name for p in tmp_path.iterdir()) == ["three_found.csv", "three_found.png"]
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize(
+    ("azimuth", "said"), [(0, False), (10, False), (60, True), (90, True), (-90, True), (175, False)]
+)
+def test_a_robot_that_lies_across_what_was_learnt_is_noted(azimuth: float, said: bool) -> None:
+    """A network of one azimuth says something of any, and its yaw is the learnt one."""
+    rows, columns = np.mgrid[-60:60, -60:60]
+    c, s = np.cos(np.radians(azimuth)), np.sin(np.radians(azimuth))
+    along, across = c * columns + s * rows, c * rows - s * columns
+    noise = np.random.default_rng(1).normal(0.0, 1.0, rows.shape)
+    frame = (90.0 + 80.0 * np.exp(-((along / 15.0) ** 2) - (across / 4.0) ** 2) + noise).astype(np.uint8)
+    estimate = Estimate(
+        x=0.0, y=0.0, depth=0.0, tilt=0.0, yaw=0.0, covariance=np.diag([1e-4, 1e-4, 1e-2, 1e-3, np.inf])
+    )
+    net = SimpleNamespace(
+        about={"learnt": {"yaw": (0.0, 0.0)}}, pixel=0.1, shape=(80, 80), estimate=lambda _: [estimate]
+    )
+    (one,) = sightings(frame, cast(Any, net))
+    assert ("the network has learnt azimuths of 0° alone" in one.note) == said
 
 
 @pytest.mark.quick
