@@ -27,7 +27,7 @@ test thorough validate: export OMP_NUM_THREADS = 1
 unexport PYTHONDONTWRITEBYTECODE
 
 # most tests wait for the compiler alone; the others, with kernels as users have them. Some wait for a clock: three at once
-test: $(READY)  ## run the tests (6 to 12 minutes on two cores, the first time)
+test: $(READY)  ## run the tests (under 10 minutes on two cores, the first time)
 	$(BIN)/python -m compileall -q -j 2 otwarp
 	$(BIN)/python -m pytest -n 3 --dist worksteal -m "not stepping" --unoptimised
 	$(BIN)/python -m pytest -n 3 --dist worksteal -m stepping
