@@ -23,6 +23,11 @@ NEAR = np.array([0.1, 0.1, 0.1, 0.05, 0.05, 0.05])
 MOVED = 0.1
 """Distance of a trap [µm], and relative power, from what the motion was expanded for, likewise."""
 
+GROWN = (0.02, 1.0)
+"""Exponents by which displacements may grow in one step: where it leads beyond `NEAR`, and anyway. On the falling side
+of a trap's force they grow without end in the expansion, in truth only as long as the body is there; so the motion is
+expanded anew on the way."""
+
 
 @dataclass(frozen=True, eq=False)
 class Belief:
@@ -95,7 +100,12 @@ def _moved(belief: Belief, body: MobileBody, first: np.ndarray, last: np.ndarray
     pushed = belief.pushed
     law = None if pushed is None else pushed.law
     state = offset if pushed is None else np.concatenate([offset, pushed.velocity])
-    moved = expansion.drifted(state, time, first, last, law)
+    grown = expansion.growth * time
+    moved = expansion.drifted(state, time, first, last, law) if grown <= GROWN[1] else None
+    if moved is None or (grown > GROWN[0] and np.any(np.abs(moved[:6] - offset) > NEAR)):
+        middle = 0.5 * (first + last)
+        half = _moved(replace(belief, expansion=expansion), body, first, middle, 0.5 * time)
+        return _moved(half, body, middle, last, 0.5 * time)
     position, orientation = expansion.pose(moved[:6])
     step = expansion.step(time, law)
     # errors are turns from the pose, the expansion counts in rotation vectors from where it was made
@@ -188,7 +198,7 @@ def begin(seen: Measurement, shape: Shape, place: np.ndarray, turn: np.ndarray, 
     """
     if seen.orientation is not None:
         turn = shape.nearest(seen.orientation, turn)
-    elif seen.axis is not None and seen.sees_axis:
+    elif seen.axis is not None and seen.sees_axis and np.any(shape.axis):
         axis = rotation_matrix(turn) @ shape.axis
         target = -seen.axis if shape.reversible and axis @ seen.axis < 0.0 else seen.axis
         turn = product(exponential(_arc(axis, target)), turn)

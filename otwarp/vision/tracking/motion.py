@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -107,6 +108,11 @@ class Expansion:
     def pose(self, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Position and orientation at an offset (6)."""
         return self.position + offset[:3], product(exponential(offset[3:]), self.orientation)
+
+    @cached_property
+    def growth(self) -> float:
+        """Fastest rate at which a displacement grows [1/s]; 0 where all fade, as on a trap's rising side."""
+        return max(0.0, float(np.linalg.eigvals(self.rate).real.max()))
 
     def step(self, time: float, law: PushLaw | None = None) -> Transition:
         """The exact step of so many seconds, of the pose, or of pose and push together; those asked for are kept."""
