@@ -108,6 +108,7 @@ class ClosedLoop:
         self._told, self._turns, self._since = (now, position, power), self._turns + 1, min(self._since, now)
         self._looker.command(now, position, power)
         self._looks = tuple(self._new_looks(now))
+        oldest = max(self._ages, default=0.0)
         for body in self.bodies:
             if self._ended:
                 body.move(now, ended=self._ended)
@@ -115,8 +116,8 @@ class ClosedLoop:
             for look in self._looks:
                 for one in look.bodies:
                     if one.body == body.index:
-                        body.take(one.seen, one.why, now)
-            body.move(now, oldest=max(self._ages, default=0.0))
+                        body.take(one, now, oldest=oldest)
+            body.move(now, oldest=oldest)
             own = position[self._holds == body.index]
             if len(own):
                 body.carried = own.mean(axis=0) - self._first[self._holds == body.index].mean(axis=0)

@@ -14,10 +14,14 @@ from otwarp.errors import InputError
 from otwarp.perception.camera import CameraFrame, Piece, Region
 from otwarp.perception.hidden import Outline, look_past
 from otwarp.scene import Camera
+from otwarp.vision.networks.estimate import Estimate
 from otwarp.vision.tracking.finding import crop
 from otwarp.vision.tracking.measurement import Measurement, of_estimate
 from otwarp.vision.tracking.recorded import Source
 from otwarp.vision.tracking.source import NetworkSource
+
+DEEPEST = 1e3
+"""Height above or below the focal plane that a microscope may see [µm]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +50,7 @@ class BodyLook:
         guess: As it was expected, from the middle of the piece.
         seen: The measurement; None: it was not seen.
         why: Why it was not, one line.
+        failed: Whether that is because what looked at it failed, or said what is no number.
     """
 
     body: int
@@ -53,6 +58,7 @@ class BodyLook:
     guess: np.ndarray | None
     seen: Measurement | None
     why: str = ""
+    failed: bool = False
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -126,7 +132,8 @@ class Estimator:
     def again(self, look: Look) -> tuple[BodyLook, ...]:
         """The same pieces looked at once more, as a replay does."""
         blank = [
-            dataclasses.replace(one, seen=None, why="" if one.piece.levels.size else one.why) for one in look.bodies
+            dataclasses.replace(one, seen=None, failed=False, why="" if one.piece.levels.size else one.why)
+            for one in look.bodies
         ]
         return self._look_at(look.time, blank)
 
@@ -168,24 +175,31 @@ class Estimator:
 
     def _looked(self, when: float, one: BodyLook, all_of_them: Sequence[BodyLook]) -> BodyLook:
         try:
-            seen, why = self._measured(when, one, all_of_them)
+            seen = self._measured(when, one, all_of_them)
         except (InputError, ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
             # whatever an estimator stumbles over, the body is not seen, and the session goes on
-            seen, why = None, f"the estimator fails: {' '.join(str(error).split()) or repr(error)}"
-        return dataclasses.replace(one, seen=seen, why=why)
+            said = " ".join(str(error).split()) or repr(error)
+            return dataclasses.replace(one, seen=None, why=f"the estimator fails: {said}", failed=True)
+        return dataclasses.replace(one, seen=seen, why="" if seen is not None else "the image does not show it")
 
-    def _measured(self, when: float, one: BodyLook, all_of_them: Sequence[BodyLook]) -> tuple[Measurement | None, str]:
+    def _measured(self, when: float, one: BodyLook, all_of_them: Sequence[BodyLook]) -> Measurement | None:
+        """What its source says of its piece; None: it is not there.
+
+        Raises:
+            ValueError: That is no place within the piece.
+            Exception: The source fails.
+        """
         source, levels = self.sources[one.body], one.piece.levels
         if one.guess is None or one.body not in self._outlines:
             found = source.look(levels, one.guess)
         else:
             found = look_past(source, levels, one.guess, *self._hidden(one, all_of_them))
         if found is None:
-            return None, "the image does not show it"
+            return None
         estimate, mirror = found
-        if not np.all(np.isfinite(estimate.mean)):
-            return None, "the estimator says nan"
-        return of_estimate(estimate, when, self._camera, self.middle(one.piece), mirror=mirror), ""
+        _check_place(estimate, levels, self._camera.pixel_size)
+        seen = of_estimate(estimate, when, self._camera, self.middle(one.piece), mirror=mirror)
+        return seen if {0, 1} <= set(seen.known.tolist()) else None
 
     def _hidden(self, one: BodyLook, all_of_them: Sequence[BodyLook]) -> tuple[np.ndarray, np.ndarray]:
         """Which pixels of a piece other bodies are expected in, and in which the body itself."""
@@ -199,3 +213,23 @@ class Estimator:
                 pose[:2] += self.middle(other.piece) - middle
                 hidden |= self._outlines[other.body].covers(shape, pixel, pose)
         return hidden, own
+
+
+def _check_place(estimate: Estimate, levels: np.ndarray, pixel: float) -> None:
+    """Refuse a pose that is no number, or lies where the piece cannot show it.
+
+    Raises:
+        ValueError: So it is.
+    """
+    if not np.all(np.isfinite(estimate.mean)):
+        raise ValueError("it says nan")
+    high, wide = levels.shape
+    # what is at an edge may be found a little beyond it
+    limits = np.array([wide * pixel, high * pixel, DEEPEST])
+    place = np.array([estimate.x, estimate.y, estimate.depth])
+    if np.any(np.abs(place) > limits):
+        said = ", ".join(f"{v:.3g}" for v in place)
+        raise ValueError(
+            f"it says {said} µm from the middle of its piece; allowed: up to {limits[0]:.3g}, {limits[1]:.3g}, "
+            f"{limits[2]:g}"
+        )

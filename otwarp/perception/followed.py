@@ -9,12 +9,11 @@ import numpy as np
 
 from otwarp.errors import InputError
 from otwarp.perception.camera import Piece, Region
-from otwarp.perception.estimator import Wanted
+from otwarp.perception.estimator import BodyLook, Wanted
 from otwarp.scene import Camera, Scene
 from otwarp.scene.transforms import rotation_matrix
 from otwarp.vision.tracking.belief import Belief, advance, at_prim
 from otwarp.vision.tracking.commands import Commands
-from otwarp.vision.tracking.measurement import Measurement
 from otwarp.vision.tracking.mobile import MobileBody
 from otwarp.vision.tracking.pushing import PushLaw
 from otwarp.vision.tracking.recorded import in_camera
@@ -34,7 +33,8 @@ class LostRule:
     """When a body counts as lost.
 
     Attributes:
-        after: Time since the light of the last measurement that its tracker took [s].
+        after: Time since the light of the last measurement that its tracker took [s]. What fails, or has the wrong
+            time, is not waited for.
         uncertain: Largest standard deviation of its place, along any direction [µm].
         lag: For how long measurements may be late [s].
         push: Of forces that the twin does not know, on bodies in traps.
@@ -121,7 +121,7 @@ class FollowedBody:
         self.accepted = self.refused = self.turns = self.lost = 0
         self.carried = np.zeros(3)
         self._last = -math.inf
-        self._said = ""
+        self._said, self._fault = "", ""
         self._led: tuple[tuple[Belief, ...], float, Belief] | None = None
 
     @property
@@ -148,32 +148,45 @@ class FollowedBody:
         side = f"{late:.3g} s behind" if late > 0.0 else f"{-late:.3g} s ahead of"
         return f"stamps of the camera are {side} the clock, allowed up to {self._rule.lag:g} s behind"
 
-    def take(self, seen: Measurement | None, why: str, now: float) -> None:
+    def take(self, one: BodyLook, now: float, *, oldest: float = 0.0) -> None:
         """Put in what a look at it said.
 
+        An image that does not show it is waited out; one that cannot be believed at all is not: until a measurement is
+        taken again, it is lost.
+
         Args:
-            seen: The measurement; None: none.
-            why: Why there is none.
+            one: What was seen of it.
             now: Time of the session's clock [s].
+            oldest: See `LostRule.within`.
         """
+        seen = one.seen
         if seen is None:
-            self._said = why
+            self._said = one.why
+            self._fault = one.why if one.failed else self._fault
             return
         if not self.dated(seen.time, now):
-            self._said = self._misdated(now - seen.time)
-            self.refused += 1
+            self._refuse(self._misdated(now - seen.time))
             return
         try:
             update = self.tracker.add(seen)
         except (InputError, np.linalg.LinAlgError) as error:
-            self._said, self.refused = str(error), self.refused + 1
+            self._refuse(str(error))
             return
-        if update.accepted:
-            self._last, self._said = max(self._last, seen.time), ""
-            self.accepted += 1
-        else:
+        if not update.accepted:
             self._said = f"measurements disagree with its motion (χ² = {update.nis:.3g} of {update.degrees})"
             self.refused += 1
+            return
+        late, after = now - seen.time, self._rule.within(oldest)
+        self._last, self._said = max(self._last, seen.time), ""
+        self._fault = (
+            f"an image comes {late:.3g} s after its light, allowed up to {after:.3g} s" if late > after else ""
+        )
+        self.accepted += 1
+
+    def _refuse(self, why: str) -> None:
+        """A measurement that cannot be one, whatever the body does."""
+        self._said = self._fault = why
+        self.refused += 1
 
     def move(self, now: float, *, ended: str = "", oldest: float = 0.0) -> None:
         """Where it is now, and whether that can be believed.
@@ -196,6 +209,8 @@ class FollowedBody:
         if not (np.all(np.isfinite(self.pose.covariance)) and np.all(np.isfinite(self.pose.position))):
             self.restart()
             return "the estimate is not finite"
+        if self._fault:
+            return self._fault
         worst = math.sqrt(max(float(np.linalg.eigvalsh(variance)[-1]), 0.0))
         if now - self._last > after:
             return f"no measurement for {now - self._last:.2f} s{': ' + self._said if self._said else ''}"

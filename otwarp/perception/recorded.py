@@ -31,7 +31,7 @@ def _body_to_dict(one: BodyLook) -> dict[str, Any]:
     high, wide = one.piece.levels.shape
     return {
         "body": one.body, "left": one.piece.left, "low": one.piece.low, "height": high, "width": wide,
-        "guess": None if one.guess is None else one.guess.tolist(), "why": one.why,
+        "guess": None if one.guess is None else one.guess.tolist(), "why": one.why, "failed": one.failed,
         "seen": None if one.seen is None else measurement_to_dict(one.seen),
     }  # fmt: skip
 
@@ -39,7 +39,7 @@ def _body_to_dict(one: BodyLook) -> dict[str, Any]:
 def _body_from_dict(told: Mapping[str, Any], image: np.ndarray) -> BodyLook:
     guess, seen = told["guess"], told["seen"]
     return BodyLook(
-        body=told["body"], piece=Piece(told["left"], told["low"], image), why=told["why"],
+        body=told["body"], piece=Piece(told["left"], told["low"], image), why=told["why"], failed=told["failed"],
         guess=None if guess is None else np.array(guess), seen=None if seen is None else measurement_from_dict(seen),
     )  # fmt: skip
 

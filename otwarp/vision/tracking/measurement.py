@@ -84,7 +84,8 @@ class Measurement:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """What was measured beyond a pose: (m) residual, (m, 6) its derivative, (m, m) covariance of the noise.
 
-        The body's symmetry is used: of the axes and orientations that look alike, the nearest to the pose counts.
+        The body's symmetry is used: of the axes and orientations that look alike, the nearest to the pose counts. A
+        ball has no axis, whatever was measured of one.
 
         Args:
             shape: The body.
@@ -97,12 +98,14 @@ class Measurement:
         residual[:3] = self.frame.T @ (self.position - place - arm)
         slope[:3, :3] = self.frame.T
         slope[:3, 3:] = -self.frame.T @ cross_matrix(arm)
-        if self.axis is not None:
+        known = self.known
+        if self.axis is not None and not np.any(shape.axis):
+            known = known[known < 3]
+        elif self.axis is not None:
             residual[3:], slope[3:, 3:] = self._axis_innovation(shape, rotation_matrix(turn) @ shape.axis)
         elif self.orientation is not None:
             residual[3:] = difference(shape.nearest(self.orientation, turn), turn)
             slope[3:, 3:] = np.eye(3)
-        known = self.known
         return residual[known], slope[known], np.asarray(self.covariance, dtype=float)[np.ix_(known, known)]
 
     def _axis_innovation(self, shape: Shape, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -175,6 +178,9 @@ def of_estimate(
         camera: Of the scene: its frame, and where it focuses.
         middle: (2) of the image, from the middle of the camera's frame along its axes [µm]; None: there.
         mirror: Probability that the sign of the tilt is wrong.
+
+    Raises:
+        InputError: See `Measurement`.
     """
     frame = rotation_matrix(np.asarray(camera.orientation, dtype=float))
     x, y = (0.0, 0.0) if middle is None else middle
@@ -183,7 +189,7 @@ def of_estimate(
     tilt, yaw = float(estimate.tilt), float(estimate.yaw)
     axis = np.array([math.cos(tilt) * math.cos(yaw), math.cos(tilt) * math.sin(yaw), math.sin(tilt)])
     given = np.asarray(estimate.covariance, dtype=float)
-    known = np.diag(given) < UNKNOWN**2
+    known = ~(np.diag(given) >= UNKNOWN**2)  # nan is refused below, with what is known
     kept = np.where(np.outer(known, known), given, 0.0)
     # azimuth counts along the great circle, which it moves along by the cosine of the tilt
     upright = given[3, 3] if known[3] else 0.0

@@ -219,6 +219,18 @@ def test_what_is_not_measured_does_not_count(bead: MobileBody) -> None:
 
 
 @pytest.mark.quick
+def test_a_ball_has_no_axis_whatever_is_said_of_one(bead: MobileBody) -> None:
+    """As a network of another robot does, which --any-robot lets look at it."""
+    one, two = tracker(bead), tracker(bead)
+    for seen in looks(bead, 10):
+        wide = np.zeros((5, 5))
+        wide[:3, :3], wide[3:, 3:] = seen.covariance, 1e-4 * np.eye(2)
+        assert one.add(dataclasses.replace(seen, covariance=wide, axis=np.array([0.0, 0.6, 0.8]))).accepted
+        two.add(seen)
+    np.testing.assert_array_equal(one.predict(0.2).position, two.predict(0.2).position)
+
+
+@pytest.mark.quick
 def test_commands_on_a_line_are_kept_as_its_ends() -> None:
     """A circle in steps of 1/120 s is a few straight lines, none of them off by more than was allowed."""
     told = Commands(np.zeros(1), np.array([[1.0, 0.0, 0.0, 5.0]]))
