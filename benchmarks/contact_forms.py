@@ -26,6 +26,7 @@ from otwarp.kernels.drivers.grid.data import shares_entries
 from otwarp.scene import Material, Scene
 from otwarp.simulation import model
 from otwarp.simulation.simulation import Simulation
+from tests.kernels.drivers.grid.test_world import with_robot
 from tests.simulation.crowds import crowd, jumbled
 
 FORMS = ("one kernel", "in parts")
@@ -50,9 +51,15 @@ class Case:
 
 
 CASES = {
-    "channel": Case(f"`{CHANNEL}`, 201 bodies", partial(load, CHANNEL), 5_000, (1, 64, 256, 1_024, 4_096)),
-    "packed": Case("64 spheres of 1 kPa that jostle", packed, 50, (4_096,)),
-    "beads": Case("64 beads of `otwarp bench terms`, gaps of a tenth of a diameter", TERMS["crowd"], 200, (16_384,)),
+    "channel": Case(f"`{CHANNEL}`, 201 bodies", partial(load, CHANNEL), 5_000, (1, 64, 256, 512, 768, 1_024, 4_096)),
+    "packed": Case("64 spheres of 1 kPa that jostle", packed, 50, (512, 1_024, 1_536, 4_096)),
+    "heap": Case("30 cells on a floor, and a robot", with_robot, 100, (512, 1_024, 1_536, 4_096)),
+    "beads": Case(
+        "64 beads of `otwarp bench terms`, gaps of a tenth of a diameter",
+        TERMS["crowd"],
+        200,
+        (1_024, 1_536, 4_096, 16_384),
+    ),
 }
 
 

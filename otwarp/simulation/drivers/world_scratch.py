@@ -8,7 +8,7 @@ import warp as wp
 
 from otwarp.kernels.contact.body_solve import nodes_of
 from otwarp.kernels.contact.contact_list import ContactList, unused_fields
-from otwarp.kernels.core.features import KEPT_CONTACTS, Features, world_lanes
+from otwarp.kernels.core.features import KEPT_CONTACTS, WORLD_BLOCK, WORLD_LANES, Features, world_lanes
 from otwarp.kernels.core.team import LARGEST
 from otwarp.kernels.drivers.grid.data import shares_entries
 from otwarp.kernels.drivers.world_room import SolveRoom, WorldScratch
@@ -20,12 +20,10 @@ THREADS_PER_MULTIPROCESSOR = 256
 TEAM_THREADS = {LARGEST: 128, 8: 384}
 """Threads of teams of each size that a multiprocessor is to have at most; beyond, smaller teams take less time."""
 
-WORLDS_PER_MULTIPROCESSOR = 4
-"""Worlds of some hundred bodies up to which one kernel takes many steps, beyond which each part of a step is a kernel.
-
-Of 201 bodies on an H100 (132 multiprocessors) the first takes less time in 256 worlds, the second in 1,024
-(docs/benchmarks/contact_forms.md); in between nothing was measured.
-"""
+BODIES_PER_THREAD = 2
+"""Of a world that one kernel takes through many steps. With fewer threads for its bodies, or more worlds than a GPU has
+threads for, it takes twice as long, and a kernel for each part of a step less: so with 31, 64 and 201 bodies on an H100
+(docs/benchmarks/contact_forms.md)."""
 
 WARP = 32
 """Threads that go together on a GPU."""
@@ -56,7 +54,12 @@ def team_for(f: Features, worlds: int, device: wp.Device) -> int:
 
 def many_in_phases(f: Features, worlds: int, device: wp.Device) -> bool:
     """Whether worlds of some hundred bodies go through a step part by part: where they are many for a GPU."""
-    return device.is_cuda and shares_entries(f) and worlds > WORLDS_PER_MULTIPROCESSOR * device.sm_count
+    if not (device.is_cuda and shares_entries(f)):
+        return False
+    lanes = WORLD_LANES
+    while lanes * BODIES_PER_THREAD < f.bodies:
+        lanes *= 2
+    return worlds * lanes > WORLD_BLOCK * device.sm_count
 
 
 def largest_launch(f: Features, worlds: int, device: wp.Device) -> int:

@@ -55,7 +55,9 @@ def test_few_worlds_keep_to_one_kernel():
     """By the number of all worlds of a simulation, so that its shards agree."""
     features = dataclasses.replace(Simulation(with_robot(), device="cpu").model.features, in_turn=False)
     gpu: Any = SimpleNamespace(is_cuda=True, sm_count=132)
-    assert [many_in_phases(features, worlds, gpu) for worlds in (1, 528, 529)] == [False, False, True]
+    for bodies, most in ((31, 1056), (128, 1056), (201, 528), (512, 264)):
+        some = dataclasses.replace(features, bodies=bodies)
+        assert [many_in_phases(some, worlds, gpu) for worlds in (1, most, most + 1)] == [False, False, True]
     assert not many_in_phases(features, 4_096, wp.get_device("cpu"))
 
 
