@@ -236,6 +236,9 @@ class Hands:
             raise InputError(f"hand is {hand!r}; allowed: {allowed}")
         return self._names.index(hand)
 
+NO_BITS = np.zeros(0, dtype=np.int32)
+"""Leaves what traps follow as it is, see `Control.write`."""
+
 
 class TrapCommands:
     """Positions [µm] and powers [mW] of all traps.
@@ -369,10 +372,12 @@ class TrapCommands:
         if not self._changed or not len(self.position):
             return
         place = self._written + share * (self.position - self._written) if share < 1.0 else self.position.copy()
-        # said only where it matters, for it costs as much again
-        says = bool(np.any(self._follows)) or not np.array_equal(self._follows, self._written_follows)
-        sim.control.set(trap_position=place, follow=self._follows if says else None)
-        self._written_follows = self._follows.copy()
+        if np.any(self._follows) or not np.array_equal(self._follows, self._written_follows):
+            sim.control.set(trap_position=place, follow=self._follows)
+            self._written_follows = self._follows.copy()
+        else:
+            # checked by `move`, and following nothing already: some ten times in each turn of the loop
+            sim.control.write({"trap_position": place[None]}, NO_BITS)
         if share >= 1.0:
             self._written, self._changed = place, False
 
