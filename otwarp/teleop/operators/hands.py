@@ -32,8 +32,8 @@ robot less than five times that, shared by the traps that hold it. Traps of 10 p
 
 
 def cause_of(message: str) -> str:
-    """A message without its numbers, which may change many times a second."""
-    return re.sub(r"[\d.]+", "", message)
+    """A message without its numbers, their signs and exponents, which may change many times a second."""
+    return re.sub(r"[-+]?\b(\d[\d.]*(e[-+]?\d+)?|nan|inf)\b", "", message)
 
 
 class Hands:
@@ -236,9 +236,6 @@ class Hands:
             raise InputError(f"hand is {hand!r}; allowed: {allowed}")
         return self._names.index(hand)
 
-NO_BITS = np.zeros(0, dtype=np.int32)
-"""Leaves what traps follow as it is, see `Control.write`."""
-
 
 class TrapCommands:
     """Positions [µm] and powers [mW] of all traps.
@@ -377,7 +374,7 @@ class TrapCommands:
             self._written_follows = self._follows.copy()
         else:
             # checked by `move`, and following nothing already: some ten times in each turn of the loop
-            sim.control.write({"trap_position": place[None]}, NO_BITS)
+            sim.control.write({"trap_position": place[None]}, np.zeros(0, dtype=np.int32))
         if share >= 1.0:
             self._written, self._changed = place, False
 
