@@ -39,7 +39,8 @@ def _body_to_dict(one: BodyLook) -> dict[str, Any]:
 def _body_from_dict(told: Mapping[str, Any], image: np.ndarray) -> BodyLook:
     guess, seen = told["guess"], told["seen"]
     return BodyLook(
-        body=told["body"], piece=Piece(told["left"], told["low"], image), why=told["why"], failed=told["failed"],
+        body=told["body"], piece=Piece(told["left"], told["low"], image), why=told["why"],
+        failed=told.get("failed", False),  # recordings of before it was told have none
         guess=None if guess is None else np.array(guess), seen=None if seen is None else measurement_from_dict(seen),
     )  # fmt: skip
 

@@ -23,6 +23,7 @@ from otwarp.haptics.recording import (
     unpack_text,
 )
 from otwarp.perception.assemble import SeeingOptions
+from otwarp.perception.recorded import look_from_dict, look_to_dict
 from otwarp.perception.replay import replay_perception
 from otwarp.scene import Scene, SceneBuilder
 from otwarp.teleop import Record
@@ -68,6 +69,17 @@ def test_images_give_the_same_estimates_and_states(take):
     assert report is not None and report.equal, report
     assert (report.turns, report.states) == (32, 32) and report.estimates > 20
     assert report.verdict.startswith(f"images: {report.estimates} pieces looked at again, 0 estimates differ")
+
+
+def test_looks_of_older_recordings_can_be_read(take):
+    """They do not say whether an estimator failed."""
+    with McapFile(take) as file:
+        turns = [json.loads(unpack_text(m.data)) for m in file.messages((PERCEPTION,))]
+    told = next(turn["looks"][0] for turn in turns if turn["looks"])
+    images = [np.zeros((one["height"], one["width"]), dtype=np.uint8) for one in told["bodies"]]
+    assert [one.pop("failed") for one in told["bodies"]] == [False]
+    again = look_to_dict(look_from_dict(told, images))
+    assert [one.pop("failed") for one in again["bodies"]] == [False] and again == told
 
 
 @pytest.mark.parametrize("late", [0, 6])
