@@ -199,7 +199,9 @@ class Estimator:
         estimate, mirror = found
         _check_place(estimate, levels, self._camera.pixel_size)
         seen = of_estimate(estimate, when, self._camera, self.middle(one.piece), mirror=mirror)
-        return seen if {0, 1} <= set(seen.known.tolist()) else None
+        # who is less sure than that the body is somewhere in the piece has not found it
+        widest = np.array(levels.shape[::-1]) * self._camera.pixel_size
+        return seen if np.all(np.diag(seen.covariance)[:2] < widest**2) else None
 
     def _hidden(self, one: BodyLook, all_of_them: Sequence[BodyLook]) -> tuple[np.ndarray, np.ndarray]:
         """Which pixels of a piece other bodies are expected in, and in which the body itself."""
