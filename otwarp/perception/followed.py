@@ -145,8 +145,9 @@ class FollowedBody:
                 f"this machine takes {late:.3g} s for an image, allowed up to {self._rule.lag:g} s; "
                 "--follow fewer bodies, or --camera-device for images on a GPU"
             )
-        side = f"{late:.3g} s behind" if late > 0.0 else f"{-late:.3g} s ahead of"
-        return f"stamps of the camera are {side} the clock, allowed up to {self._rule.lag:g} s behind"
+        if late > 0.0:
+            return f"stamps of the camera are {late:.3g} s behind the clock, allowed up to {self._rule.lag:g} s behind"
+        return f"stamps of the camera are {-late:.3g} s ahead of the clock, allowed up to {AHEAD:g} s ahead"
 
     def take(self, one: BodyLook, now: float, *, oldest: float = 0.0) -> None:
         """Put in what a look at it said.
@@ -202,7 +203,8 @@ class FollowedBody:
 
     def _judged(self, now: float, after: float) -> str:
         beliefs = self.tracker.hypotheses
-        if not beliefs:
+        oldest = self.tracker.oldest
+        if oldest is None or oldest > now:  # or its first stamp is a little ahead of the clock
             return self._said or "not seen yet"
         self.pose = self._predicted(beliefs, now)
         variance = self.pose.covariance[:3, :3]
@@ -229,7 +231,9 @@ class FollowedBody:
                         probability=probability, belief=belief)  # fmt: skip
         else:
             pose = self.tracker.predict(now)
-        self._led = beliefs, now, pose.belief
+        newest = self.tracker.time
+        # a measurement that is a little ahead of the clock counts from its time on
+        self._led = (beliefs, now, pose.belief) if newest is None or newest <= now else None
         return pose
 
     def drawn(self, piece: Piece, when: float) -> tuple[np.ndarray | None, np.ndarray | None]:

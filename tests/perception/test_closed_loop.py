@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from otwarp.perception.camera import CameraLost
-from otwarp.perception.estimator import Estimator
+from otwarp.perception.camera import CameraLost, Piece
+from otwarp.perception.estimator import BodyLook, Estimator
 from otwarp.perception.followed import LostRule
 from otwarp.perception.plant import PlantOptions
+from otwarp.teleop.operators.hands import cause_of
 from otwarp.teleop.operators.servo import LinkedClock
 from otwarp.vision.networks.estimate import Estimate
-from tests.perception.scenes import SIZE, TOP, Lab, estimator
+from otwarp.vision.tracking.measurement import Measurement
+from tests.perception.scenes import SIZE, TOP, Lab, estimator, seen_bead
 
 STILL = "virtual:hold,at=0/0/0"
 FALLS_WITHIN = 0.1
@@ -148,11 +151,12 @@ class Blinking:
         (ends, None, False, "camera top has ended after 30 images"),
         (jumps, None, False, "stamps of the camera are 10 s behind the clock, allowed up to 2 s behind"),
         (goes_back, None, False, "s after its light, allowed up to 0.3 s"),
-        (is_early, None, False, "s ahead of the clock"),
+        (is_early, None, False, "s ahead of the clock, allowed up to 0.005 s ahead"),
         (unchanged, NAN, False, "the estimator fails: it says nan"),
         (unchanged, {"x": 1e12}, False, "it says 1e+12, 0, 0 µm from the middle of its piece; allowed: up to 4.16, "),
         (unchanged, {"covariance": math.nan * np.eye(5)}, False, "covariance of a measurement is not finite"),
         (unchanged, {"covariance": 1e300 * np.eye(5)}, True, "the image does not show it"),
+        (unchanged, {"covariance": 5.0**2 * np.eye(5)}, True, "the image does not show it"),  # the piece has 4.16 µm
         (goes_dark, None, True, "the image does not show it"),
     ],
 )
@@ -246,6 +250,50 @@ def test_causes_that_take_turns_are_said_once_each(lab):
         "the estimator fails: Singular matrix",
         "the estimator fails: no eigenvalues above 0",
     ]
+
+
+class Raving:
+    """Says places of any size and sign, none of them believable."""
+
+    def __init__(self):
+        self._looks = 0
+
+    def look(self, image, guess):
+        self._looks += 1
+        sizes = 10.0 ** (self._looks % 9 + np.array([-3.0, 1.0, 4.0]))
+        x, y, depth = SIGNS[self._looks % 8] * sizes
+        return Estimate(**(SAID | {"x": x, "y": y, "depth": depth})), 0.0
+
+
+SIGNS = np.array(list(itertools.product((1.0, -1.0), repeat=3)))
+
+
+def test_a_cause_whose_numbers_change_is_said_once(lab):
+    """Numbers have signs and exponents, which are no other cause."""
+    one = lab(look=Estimator(TOP, SIZE, {0: Raving()}))
+    one.run(60)
+    assert one.perception.frames > 20
+    first, news = one.stage.news
+    assert "not seen yet" in first and "the estimator fails: it says " in news
+    assert cause_of("/World/bead_2: -1e+09, inf, nan") == cause_of("/World/bead_2: 2.5e-3, -inf, 3")
+    assert cause_of("/World/bead_2: 3") != cause_of("/World/bead_1: 3")
+
+
+def test_a_first_stamp_that_is_a_little_ahead_waits_for_its_time(lab):
+    """As cameras whose clock is 4 ms ahead give: nothing is known before it."""
+    one = lab()
+    (body,) = one.perception.bodies
+    now, trap = one.clock.now(), np.array(seen_bead().traps[0].position.at(0.0))
+    piece = Piece(0, 0, np.zeros((0, 0), dtype=np.uint8))
+    for n, x in enumerate((0.0, 0.02), 1):
+        seen = Measurement(time=now + 0.004, position=trap + x * np.eye(3)[0], covariance=1e-4 * np.eye(3))
+        body.take(BodyLook(body=0, piece=piece, guess=None, seen=seen), now)
+        body.move(now)
+        assert body.accepted == n and body.why == ("not seen yet" if n == 1 else "")
+        now += 0.005
+        body.move(now)
+        assert body.seen and body.pose is not None
+        np.testing.assert_array_equal(body.pose.position, body.tracker.predict(now).position)
 
 
 def test_who_is_disarmed_while_lost_stays_so(lab):
