@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -127,8 +128,8 @@ def goes_back(n, frame):
     return replace(frame, time=frame.time - (0.5 if n > 30 else 0.0))
 
 
-NAN = {"x": math.nan}
-SAID = {"x": 0.0, "y": 0.0, "depth": 0.0, "tilt": 0.0, "yaw": 0.0, "covariance": 1e-4 * np.eye(5)}
+NAN: dict[str, Any] = {"x": math.nan}
+SAID: dict[str, Any] = {"x": 0.0, "y": 0.0, "depth": 0.0, "tilt": 0.0, "yaw": 0.0, "covariance": 1e-4 * np.eye(5)}
 
 
 class Blinking:
