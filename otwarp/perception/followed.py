@@ -34,7 +34,7 @@ class LostRule:
 
     Attributes:
         after: Time since the light of the last measurement that its tracker took [s]. What fails, or has the wrong
-            time, is not waited for.
+            time, is not waited for; but after it as long a time has to go by without such an image.
         uncertain: Largest standard deviation of its place, along any direction [µm].
         lag: For how long measurements may be late [s].
         push: Of forces that the twin does not know, on bodies in traps.
@@ -121,7 +121,7 @@ class FollowedBody:
         self.accepted = self.refused = self.turns = self.lost = 0
         self.carried = np.zeros(3)
         self._last = -math.inf
-        self._said, self._fault = "", ""
+        self._said, self._fault, self._faulted = "", "", -math.inf
         self._led: tuple[tuple[Belief, ...], float, Belief] | None = None
 
     @property
@@ -152,8 +152,8 @@ class FollowedBody:
     def take(self, one: BodyLook, now: float, *, oldest: float = 0.0) -> None:
         """Put in what a look at it said.
 
-        An image that does not show it is waited out; one that cannot be believed at all is not: until a measurement is
-        taken again, it is lost.
+        An image that does not show it is waited out; one that cannot be believed at all is not: until measurements
+        were taken for a while without another, it is lost, or a few such images a second had its force come and go.
 
         Args:
             one: What was seen of it.
@@ -163,15 +163,16 @@ class FollowedBody:
         seen = one.seen
         if seen is None:
             self._said = one.why
-            self._fault = one.why if one.failed else self._fault
+            if one.failed:
+                self._fault, self._faulted = one.why, now
             return
         if not self.dated(seen.time, now):
-            self._refuse(self._misdated(now - seen.time))
+            self._refuse(self._misdated(now - seen.time), now)
             return
         try:
             update = self.tracker.add(seen)
         except (InputError, np.linalg.LinAlgError) as error:
-            self._refuse(str(error))
+            self._refuse(str(error), now)
             return
         if not update.accepted:
             self._said = f"measurements disagree with its motion (χ² = {update.nis:.3g} of {update.degrees})"
@@ -179,14 +180,17 @@ class FollowedBody:
             return
         late, after = now - seen.time, self._rule.within(oldest)
         self._last, self._said = max(self._last, seen.time), ""
-        self._fault = (
-            f"an image comes {late:.3g} s after its light, allowed up to {after:.3g} s" if late > after else ""
-        )
         self.accepted += 1
+        if late > after:
+            self._fault = f"an image comes {late:.3g} s after its light, allowed up to {after:.3g} s"
+            self._faulted = now
+        elif now - self._faulted > after:
+            self._fault = ""
 
-    def _refuse(self, why: str) -> None:
+    def _refuse(self, why: str, now: float) -> None:
         """A measurement that cannot be one, whatever the body does."""
         self._said = self._fault = why
+        self._faulted = now
         self.refused += 1
 
     def move(self, now: float, *, ended: str = "", oldest: float = 0.0) -> None:
