@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from otwarp.vision.networks.learnt import learnt_of
+from otwarp.vision.networks.learnt import learnt_of, seen_all_around
 from otwarp.vision.networks.library import torch_library
 from otwarp.vision.networks.settings import Settings
 from otwarp.vision.networks.targets import Targets
@@ -58,6 +58,7 @@ def described(
         "bits": int(dataset.manifest["sensor"]["bits"]),
         "robot": dict(dataset.manifest["robot"]),
         "learnt": learnt_of(dataset),
+        "same_all_around": seen_all_around(dataset),
     }
 
 

@@ -10,9 +10,16 @@ import numpy as np
 
 from otwarp.errors import InputError, PlausibilityWarning
 from otwarp.vision.datasets.robot import Robot
+from otwarp.vision.microscope import Microscope
 
 POSES = {"tilt": "°", "yaw": "°", "depth": " µm"}
 OPTICS = {"numerical_aperture": "", "condenser_aperture": "", "wavelength": " µm", "medium_index": ""}
+AROUND = (1, 4, 11, 22, 37, 56)
+"""Noll's numbers of the aberrations that are the same all around: none, defocus, spherical ones."""
+
+ASKEW = ("condenser_x", "condenser_y", "astigmatism", "coma")
+"""Labels of optics that are not."""
+
 SLACK = 0.02
 """Of a range or a value, by which it may be exceeded without a word."""
 
@@ -31,6 +38,27 @@ def learnt_of(dataset: Any) -> dict[str, tuple[float, float]]:
         else:
             ranges[name] = (float(dataset.manifest["optics"][name]),) * 2
     return ranges
+
+
+def same_all_around(microscope: Microscope) -> bool:
+    """Whether a robot that is turned about the axis of light has the image that is turned.
+
+    Args:
+        microscope: Its contrast, condenser and aberrations count.
+    """
+    askew = [n for n, value in microscope.zernike.items() if value and n not in AROUND]
+    return not (microscope.contrast == "dic" or microscope.condenser_x or microscope.condenser_y or askew)
+
+
+def seen_all_around(dataset: Any) -> bool:
+    """Whether `same_all_around` holds of the optics of all images of a data set.
+
+    Args:
+        dataset: As `open_dataset` gives it.
+    """
+    optics = dict(dataset.manifest["optics"])
+    optics["zernike"] = {int(n): value for n, value in optics["zernike"].items()}
+    return same_all_around(Microscope(**optics)) and not any(np.any(dataset.labels.get(name, 0.0)) for name in ASKEW)
 
 
 def robot_of(about: Mapping[str, Any]) -> Robot:

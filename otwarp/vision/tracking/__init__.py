@@ -12,9 +12,10 @@ In come frames or estimates of networks, out come poses with covariances at any 
     belief                     one hypothesis: led on through time, corrected
     tracker                    several of them; late, missing and wrong measurements; prediction
     consistency                whether covariances are right: NEES and NIS
-    finding, looking           bodies in a frame, and pieces of it; what a network says of each
+    finding                    bodies in a frame, and pieces of it
     templates, matching        rendered images of a body at many poses; poses from images by least squares
     recorded, source           frames of a recorded run, tracked; what looks at them: templates or a network
+    facing, looking            which way bodies in a frame point; what a network says of each
     results, figure            errors beside the truth, `track.nc`; the picture
 """
 

@@ -17,7 +17,9 @@ from otwarp.files import written
 from otwarp.vision.networks.estimate import ANGLES, QUANTITIES, Estimate
 from otwarp.vision.networks.learnt import exceeded
 from otwarp.vision.networks.run import Estimator
+from otwarp.vision.tracking.facing import better, beyond, estimated, guesses, source_of
 from otwarp.vision.tracking.finding import Found, crop, find
+from otwarp.vision.tracking.source import NetworkSource
 
 ROUNDS = 2
 """Times that a piece is cut out anew around where the network has the robot, which it learnt to see near the middle."""
@@ -109,36 +111,49 @@ def sightings(
     found = find(frame, scale=scale, smallest=smallest, threshold=threshold, join=join)
     if net is None:
         return [Sighting(found=f, estimate=None, pixel=size, middle=middle, note=_cut(f, frame)) for f in found]
-    return [_looked(frame, f, net, size, middle) for f in found]
+    source = source_of(net)
+    return [_looked(frame, f, source, size, middle) for f in found]
 
 
-def _looked(frame: np.ndarray, f: Found, net: Estimator, pixel: float, middle: tuple[int, int]) -> Sighting:
-    """What a network says of a piece around something that was found."""
-    height, width = net.shape
+def _looked(frame: np.ndarray, f: Found, source: NetworkSource, pixel: float, middle: tuple[int, int]) -> Sighting:
+    """What a network says of a piece around something that was found; turned where it points elsewhere than learnt."""
+    net, ways = source.net, guesses(f, source)
+    notes = [_cut(f, frame)]
+    if f.right - f.left > SEVERAL * net.shape[1] or f.high - f.low > SEVERAL * net.shape[0]:
+        notes.append("several robots, or none: larger than the network's images")
+    if ways is None:
+        estimate, by = _estimate(frame, f, dataclasses.replace(source, azimuth=None), pixel, None), 0.0
+        other = _askew(f, net)
+    else:
+        assert source.azimuth is not None
+        estimate, other = better(net, *(_estimate(frame, f, source, pixel, way) for way in ways))
+        by = f.azimuth - source.azimuth
+        by += math.pi * (math.cos(estimate.yaw - f.azimuth) < 0.0)  # the way that was taken
+    there = middle[0] + estimate.x / pixel, middle[1] + estimate.y / pixel
+    if not (f.left <= there[0] <= f.right and f.low <= there[1] <= f.high):
+        notes.append("the network has its centre elsewhere")
+    notes.append(other)
+    unknown = exceeded(net.about, estimated(estimate, by))
+    if unknown:
+        notes.append(f"beyond what the network has learnt: {', '.join(unknown)}")
+    return Sighting(found=f, estimate=estimate, pixel=pixel, middle=middle, note="; ".join(n for n in notes if n))
+
+
+def _estimate(frame: np.ndarray, f: Found, source: NetworkSource, pixel: float, guess: np.ndarray | None) -> Estimate:
+    """From the middle pixel of the frame, of a piece that is cut out anew around where the network has the robot."""
     rows, columns = frame.shape
-    x, y, estimate, at = f.x, f.y, None, (0, 0)
+    height, width = source.net.shape if source.azimuth is None else (source.side,) * 2
+    x, y, at, estimate = f.x, f.y, (0, 0), None
     for _ in range(1 + ROUNDS):
         piece, at = crop(frame, x, y, width, height)
-        estimate = net.estimate(piece)[0]
+        estimate = source.look(piece, guess)[0]
         there = at[0] + estimate.x / pixel, at[1] + estimate.y / pixel
         if not (0.0 <= there[0] <= columns - 1 and 0.0 <= there[1] <= rows - 1) or _near(there, at):
             break
         x, y = there
     assert estimate is not None
-    notes = [_cut(f, frame)]
-    if f.right - f.left > SEVERAL * width or f.high - f.low > SEVERAL * height:
-        notes.append("several robots, or none: larger than the network's images")
-    if not (f.left <= there[0] <= f.right and f.low <= there[1] <= f.high):
-        notes.append("the network has its centre elsewhere")
-    notes.append(_askew(f, net))
-    angles = {"tilt": math.degrees(estimate.tilt), "yaw": math.degrees(estimate.yaw), "depth": estimate.depth}
-    beyond = exceeded(net.about, {name: (v, v) for name, v in angles.items() if name in estimate.known})
-    if beyond:
-        notes.append(f"beyond what the network has learnt: {', '.join(beyond)}")
-    offset = (at[0] - middle[0]) * pixel, (at[1] - middle[1]) * pixel
-    moved = Estimate(x=estimate.x + offset[0], y=estimate.y + offset[1], depth=estimate.depth, tilt=estimate.tilt,
-                     yaw=estimate.yaw, covariance=estimate.covariance)  # fmt: skip
-    return Sighting(found=f, estimate=moved, pixel=pixel, middle=middle, note="; ".join(n for n in notes if n))
+    place = {"x": (at[0] - columns // 2) * pixel, "y": (at[1] - rows // 2) * pixel}
+    return dataclasses.replace(estimate, **{name: getattr(estimate, name) + by for name, by in place.items()})
 
 
 def _near(there: tuple[float, float], at: tuple[int, int]) -> bool:
@@ -149,12 +164,12 @@ def _near(there: tuple[float, float], at: tuple[int, int]) -> bool:
 def _askew(f: Found, net: Estimator) -> str:
     """What is said where long contrast points far from all azimuths that a network has learnt, modulo half a turn."""
     first, last = net.about.get("learnt", {}).get("yaw", (-180.0, 180.0))
-    points = math.degrees(f.azimuth)
-    off = abs((points - 0.5 * (first + last) + 90.0) % 180.0 - 90.0) - 0.5 * (last - first)
-    if f.length < LONG * f.width or off < ASKEW:
+    if f.length < LONG * f.width or math.degrees(beyond(f, net)) < ASKEW:
         return ""
     learnt = f"{first:.4g}" if first == last else f"{first:.4g} to {last:.4g}"
-    return f"its contrast points along {points:.0f}°: the network has learnt azimuths of {learnt}° alone"
+    return (
+        f"its contrast points along {math.degrees(f.azimuth):.0f}°: the network has learnt azimuths of {learnt}° alone"
+    )
 
 
 def _cut(f: Found, frame: np.ndarray) -> str:

@@ -16,7 +16,7 @@ from otwarp.scene.transforms import conjugate, rotate
 from otwarp.vision.datasets.robot import Robot
 from otwarp.vision.fourier import Fourier
 from otwarp.vision.networks.estimate import QUANTITIES, Estimate
-from otwarp.vision.networks.learnt import OPTICS, check_robot, warn_of_exceeded
+from otwarp.vision.networks.learnt import OPTICS, check_robot, same_all_around, warn_of_exceeded
 from otwarp.vision.networks.run import Estimator
 from otwarp.vision.networks.targets import wrapped
 from otwarp.vision.rendering import Rendering, expose
@@ -90,6 +90,28 @@ class NetworkSource:
         by = (self.start if guess is None else float(guess[4])) - self.azimuth
         piece = turned(image, by, self.net.shape[0])
         return turned_back(self.net.estimate(piece[None])[0], by), 0.0
+
+
+def learnt_azimuths(net: Estimator) -> tuple[float, float]:
+    """Middle of the azimuths that a network has learnt, and how far they reach to both sides [rad].
+
+    Args:
+        net: Of `otwarp.vision.networks.load`.
+    """
+    first, last = np.radians(net.about.get("learnt", {}).get("yaw", [-180.0, 180.0]))
+    return float(0.5 * (first + last)), float(0.5 * (last - first))
+
+
+def turns(net: Estimator, *, long: bool, same: bool) -> bool:
+    """Whether images can be turned for a network that has not learnt all azimuths.
+
+    Args:
+        net: Of `otwarp.vision.networks.load`.
+        long: Whether its robot is longer than wide.
+        same: Whether optics are the same all around the axis of light, so that a robot that is turned about that axis
+            has the image that is turned.
+    """
+    return long and same and 2.0 * learnt_azimuths(net)[1] < math.radians(ALL_AROUND)
 
 
 def turned(image: np.ndarray, angle: float, size: int) -> np.ndarray:
@@ -191,18 +213,16 @@ def network_for(
     if camera_of(scene).bits != bits:
         raise InputError(f"{who} takes levels of {bits} bits; allowed: the camera's, {camera_of(scene).bits}")
     microscope, long = microscope_of(scene), bool(np.any(Shape.of(scene, body, np.zeros(3)).axis))
-    first, last = np.radians(net.about.get("learnt", {}).get("yaw", [-180.0, 180.0]))
-    middle = float(0.5 * (first + last))
-    even = microscope.contrast != "dic" and not (microscope.condenser_x or microscope.condenser_y)
-    learnt = bool(np.all(np.abs(wrapped(gone[:, 2] - middle)) <= 0.5 * (last - first) + 1e-6))
-    turns = even and long and last - first < math.radians(ALL_AROUND) and (turn_always or not learnt)
+    middle, half = learnt_azimuths(net)
+    learnt = bool(np.all(np.abs(wrapped(gone[:, 2] - middle)) <= half + 1e-6))
+    turned = turns(net, long=long, same=same_all_around(microscope)) and (turn_always or not learnt)
     seen = {"depth": gone[:, 0], "tilt": np.degrees(gone[:, 1])}
-    if not turns and long:
+    if not turned and long:
         seen["yaw"] = np.degrees(middle + wrapped(gone[:, 2] - middle))
     ranges = {name: (float(v.min()), float(v.max())) for name, v in seen.items()}
     ranges |= {name: (getattr(microscope, name),) * 2 for name in OPTICS}
     warn_of_exceeded(net.about, ranges, body)
-    return NetworkSource(net, middle, float(gone[0, 2])) if turns else NetworkSource(net)
+    return NetworkSource(net, middle, float(gone[0, 2])) if turned else NetworkSource(net)
 
 
 def template_source(
