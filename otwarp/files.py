@@ -145,6 +145,41 @@ def made_apart(folder: Path, whole: str) -> Iterator[Path]:
         shutil.rmtree(apart, ignore_errors=True)
 
 
+@contextmanager
+def written_together(folder: Path) -> Iterator[Path]:
+    """A hidden folder for some files of a folder: all of them get there at the end, or none if one cannot be written.
+
+    Args:
+        folder: Where; it is made, and goes again if it was and nothing gets there.
+
+    Raises:
+        OSError: The disk is full, or a folder has the name of a file; it names that of `folder`.
+    """
+    new = not folder.exists()
+    folder.mkdir(parents=True, exist_ok=True)
+    remains = folder / "files"
+    _remove_remains(remains)
+    apart = Path(tempfile.mkdtemp(prefix=f".{remains.name}.part-{socket.gethostname()}-{os.getpid()}-", dir=folder))
+    try:
+        yield apart
+        files = sorted(apart.iterdir())
+        for there in (folder / file.name for file in files):
+            if there.is_dir():
+                raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(there))
+        for file in files:
+            file.replace(folder / file.name)
+        new = False
+    except OSError as error:
+        if error.filename is not None and Path(str(error.filename)).is_relative_to(apart):
+            check_full(error, folder / Path(str(error.filename)).name)
+        raise
+    finally:
+        shutil.rmtree(apart, ignore_errors=True)
+        if new:
+            with suppress(OSError):
+                folder.rmdir()
+
+
 def _mask() -> int:
     """Permissions that new files lack; only setting it tells."""
     mask = os.umask(0o077)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from otwarp.errors import InputError
-from otwarp.files import check_place, made_apart, written
+from otwarp.files import check_place, made_apart, written, written_together
 
 
 def test_a_file_takes_its_name_when_it_is_whole(tmp_path: Path) -> None:
@@ -65,3 +65,33 @@ def test_a_full_disk_is_told_of_the_folder_or_of_what_else_was_written(tmp_path:
         raise OSError(28, "No space left on device", str(apart / "figure.png" if inside else other))
     assert caught.value.filename == str(tmp_path / "item" if inside else other)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_files_get_into_a_folder_together_or_not_at_all(tmp_path: Path, there: bool) -> None:
+    folder = tmp_path / "report"
+    if there:
+        folder.mkdir()
+        (folder / "a.png").write_text("old")
+    before = {p.name: p.read_text() for p in folder.glob("*")}
+    for error in (OSError(28, "No space left on device"), KeyboardInterrupt()):
+        with pytest.raises(type(error)), written_together(folder) as apart:
+            (apart / "a.png").write_text("new")
+            raise error
+        assert folder.exists() == there and {p.name: p.read_text() for p in folder.glob("*")} == before
+    with pytest.raises(OSError, match="No space") as caught, written_together(folder) as apart:
+        (apart / "a.png").write_text("new")
+        raise OSError(28, "No space left on device", str(apart / "b.png"))
+    assert caught.value.filename == str(folder / "b.png")
+    with written_together(folder) as apart:
+        for name in ("a.png", "b.md"):
+            (apart / name).write_text("new")
+    assert {p.name: p.read_text() for p in folder.iterdir()} == {"a.png": "new", "b.md": "new"}
+
+
+def test_a_folder_in_the_way_of_one_of_several_files_changes_none(tmp_path: Path) -> None:
+    (tmp_path / "b.md").mkdir()
+    with pytest.raises(IsADirectoryError) as caught, written_together(tmp_path) as apart:
+        for name in ("a.png", "b.md"):
+            (apart / name).write_text("new")
+    assert caught.value.filename == str(tmp_path / "b.md") and [p.name for p in tmp_path.iterdir()] == ["b.md"]

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from otwarp.files import check_place, written
+from otwarp.files import check_place, written, written_together
 from otwarp.vision.networks.checkpoint import write_json
 from otwarp.vision.networks.estimate import ANGLES
 from otwarp.vision.networks.evaluate import Evaluation
@@ -16,7 +16,7 @@ from otwarp.vision.networks.run import Estimator
 
 
 def write_report(folder: Path, estimator: Estimator, found: Sequence[Evaluation]) -> Path:
-    """Write `report.md`, `report.json` and figures.
+    """Write `report.md`, `report.json` and figures: all of them, or none where one cannot be written.
 
     Args:
         folder: Where; it is made.
@@ -28,9 +28,16 @@ def write_report(folder: Path, estimator: Estimator, found: Sequence[Evaluation]
 
     Raises:
         InputError: The folder cannot be written.
+        OSError: The disk is full; what was there stays as it was.
     """
     check_place(folder, "--report", folder=True)
-    folder.mkdir(parents=True, exist_ok=True)
+    with written_together(folder) as apart:
+        _write(apart, estimator, found)
+    return folder / "report.md"
+
+
+def _write(folder: Path, estimator: Estimator, found: Sequence[Evaluation]) -> None:
+    """All files of an evaluation."""
     about, names = estimator.about, estimator.quantities
     lines = [f"# {about['net']}, epoch {about['epoch']}", "", _weights(about["weights"]), ""]
     for number, one in enumerate(found, start=1):
@@ -48,9 +55,8 @@ def write_report(folder: Path, estimator: Estimator, found: Sequence[Evaluation]
         lines.append("")
     write_json(folder / "report.json", {"network": about, "evaluations": [one.said() for one in found]})
     page = folder / "report.md"
-    with written(page, str(page)) as part:
+    with written(page, page.name) as part:
         part.write_text("\n".join(lines), encoding="utf-8")
-    return page
 
 
 def _weights(weights: Mapping[str, str]) -> str:

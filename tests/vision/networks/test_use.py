@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from otwarp.vision.networks.learnt import check_robot, exceeded
 from otwarp.vision.networks.onnx_file import export
 from otwarp.vision.networks.report import write_report
 from otwarp.vision.networks.run import TorchEstimator
+from tests.full_disk import largest_file
 
 
 def test_estimates_are_near_the_truth_and_say_how_near(smoke: Path, trained: Path) -> None:
@@ -158,6 +160,23 @@ def test_evaluation_makes_a_page_with_figures(smoke: Path, trained: Path, tmp_pa
     }  # fmt: skip
     said = json.loads((tmp_path / "report" / "report.json").read_text())
     assert np.sum(said["evaluations"][1]["scores"]["confusion"]) == 200
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs RLIMIT_FSIZE")
+def test_a_full_disk_changes_no_file_of_a_report(smoke: Path, trained: Path, tmp_path: Path) -> None:
+    """Its first file fits, a later one does not."""
+    estimator, found = evaluate(trained, [smoke], poses=0, baselines=False, device="cpu")
+    folder = write_report(tmp_path / "whole", estimator, found).parent
+    first = (folder / "1_smoke_confusion.png").stat().st_size
+    assert max(p.stat().st_size for p in folder.iterdir()) > first
+    for file in folder.iterdir():
+        file.write_bytes(b"of the evaluation before")
+    for place in (folder, tmp_path / "new"):
+        with largest_file(first), pytest.raises(OSError, match="File too large") as error:
+            write_report(place, estimator, found)
+        assert Path(error.value.filename).parent == place and Path(error.value.filename).name.startswith(("1_", "rep"))
+    assert {p.read_bytes() for p in folder.iterdir()} == {b"of the evaluation before"}
+    assert [p.name for p in tmp_path.iterdir()] == ["whole"]
 
 
 @pytest.mark.parametrize("command", ["evaluate", "find"])
