@@ -172,6 +172,11 @@ def test_what_a_network_has_not_learnt_is_said_and_azimuths_are_turned():
         turned = network_of(scene, 0, network(scene, 0, about=about | {"learnt": lies}), "net")
     assert (turned.azimuth, abs(turned.start)) == pytest.approx((0.0, math.pi / 2))
     assert turned.side == 138  # √2 of 96 pixels, and a little
+    # through coma a robot that is turned has another image than the one that is turned
+    assert scene.camera is not None
+    askew = dataclasses.replace(scene, camera=dataclasses.replace(scene.camera, coma=0.1))
+    with pytest.warns(PlausibilityWarning, match=r"not learnt yaw .* \(learnt: -15 to 15°\), condenser"):
+        assert network_of(askew, 0, network(askew, 0, about=about | {"learnt": lies}), "net").azimuth is None
 
 
 def test_a_laboratory_has_its_own_viscosity_and_sizes():
