@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -17,6 +18,7 @@ from otwarp.vision.networks.learnt import same_all_around, seen_all_around
 from otwarp.vision.rendering import Rendering, expose
 from otwarp.vision.sensor import Sensor
 from otwarp.vision.tracking.looking import Sighting, sightings
+from tests.documents import ROOT
 
 REACH = 8
 """Pixels that a robot may be off the middle."""
@@ -95,6 +97,36 @@ def test_of_ends_that_are_alike_the_one_that_was_learnt_to_be_up_counts(tilt: fl
             for t, y in ((one.estimate.tilt, one.estimate.yaw), (math.radians(tilt), math.radians(70.0)))]  # fmt: skip
     assert abs(float(axis[0] @ axis[1])) > math.cos(math.radians(3.0))
     assert ("which of its ends" in one.note) == (min(tilts) == 0.0)
+
+
+@pytest.mark.validate
+def test_a_network_of_one_azimuth_finds_robots_at_all(tmp_path: Path) -> None:
+    """Of 60 robots whose ends differ, alone in their frames; the figures of docs/tracking.md."""
+    pytest.importorskip("torch")
+    pytest.importorskip("zarr")
+    from otwarp.vision.datasets import labels_of, load_spec, make_dataset
+    from otwarp.vision.networks import load
+    from otwarp.vision.networks.settings import Settings
+    from otwarp.vision.networks.train import train
+
+    make_dataset(labels_of(load_spec(ROOT / "vision" / "smoke.toml")), tmp_path / "set", processes=1, device="cpu")
+    train(tmp_path / "set", tmp_path / "net", Settings(net="small", epochs=20, batch=8, lr=3e-3, seed=1), device="cpu")
+    net = load(tmp_path / "net", device="cpu")
+    robot, rng, off = Robot.read(net.about["robot"]), np.random.default_rng(0), []
+    m = Microscope(numerical_aperture=1.0, condenser_aperture=0.2, wavelength=0.55, pixel=0.125)
+    for seed in range(60):
+        tilt, yaw, depth = rng.uniform(0.0, 70.0), rng.uniform(-180.0, 180.0), rng.uniform(-2.5, 2.5)
+        light = expose(robot.at(tilt, yaw), m, 128, focus=[0.0], rendering=Rendering(rings=2, thickness=0.25),
+                       fourier=Fourier("cpu"))  # fmt: skip
+        (one,) = sightings(Sensor(brightness=0.35).levels(light.images([-depth])[0], seed=seed), net)
+        assert one.estimate is not None
+        away = math.degrees(one.estimate.yaw) - yaw
+        off.append([math.degrees(one.estimate.tilt) - tilt, one.estimate.depth - depth, math.remainder(away, 360.0)])
+    errors = np.array(off)
+    right = np.abs(errors[:, 2]) < 90.0
+    assert right.mean() > 0.75
+    assert np.all(np.sqrt(np.mean(errors[:, :2] ** 2, axis=0)) < [12.0, 0.8])
+    assert np.all(np.sqrt(np.mean(errors[right, :2] ** 2, axis=0)) < [8.0, 0.7])
 
 
 @pytest.mark.quick
