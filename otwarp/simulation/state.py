@@ -208,7 +208,12 @@ class Control(Bound):
             if len(values) > getattr(self, name).shape[0]:
                 self.widen(name)
             array = getattr(self, name)
-            array.assign(np.broadcast_to(values, (array.shape[0], *values.shape[1:])).astype(host_type(array.dtype)))
+            if array.device.is_cpu:
+                array.numpy()[...] = values  # the same memory: a tenth of the time of `assign`
+            else:
+                array.assign(
+                    np.broadcast_to(values, (array.shape[0], *values.shape[1:])).astype(host_type(array.dtype))
+                )
         if len(bits):
             self.follow.assign(bits)
         self.writes += 1
