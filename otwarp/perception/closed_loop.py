@@ -134,6 +134,12 @@ class ClosedLoop:
             self.latency.add(stages | {"publish": now - self._updated})
         self._open.clear()
 
+    def await_news(self, until: float) -> bool:
+        """See `otwarp.teleop.perception.Perception`; looks are due at the pace of late, give or take as long."""
+        now = self._clock.now()
+        due = len(self._times) > 1 and abs(self._times[-1] + 1.0 / self._rate() - now) <= until - now
+        return self._looker.await_look(until if due else now)
+
     @property
     def blind(self) -> dict[int, str]:
         """Traps that hold a body which should be seen and is not, and why."""

@@ -25,7 +25,7 @@ class Driven(Protocol):
 
 
 class Looker(Protocol):
-    """All calls come from the loop's thread; none but `start` waits."""
+    """All calls come from the loop's thread; none but `start` and `await_look` waits."""
 
     @property
     def info(self) -> CameraInfo:
@@ -54,6 +54,10 @@ class Looker(Protocol):
         Raises:
             CameraLost: There will be no more.
         """
+        ...
+
+    def await_look(self, until: float) -> bool:
+        """Return at `until` [s], or as soon as `looks` has some, and whether it has; at once if none comes by itself."""
         ...
 
     def restart(self) -> None:
@@ -108,6 +112,10 @@ class DirectLooker:
         due = [look for look in self._waiting if min(look.time, look.read) + self._delay <= now + 1e-9]
         self._waiting = [look for look in self._waiting if look not in due]
         return due
+
+    def await_look(self, until: float) -> bool:
+        """See `Looker`: none does, the camera is read when looks are asked for."""
+        return False
 
     def restart(self) -> None:
         """See `Looker`."""

@@ -106,6 +106,7 @@ class ProcessLooker:
         self._info = CameraInfo(name=camera, kind="", simulated=lab is not None)
         self._process: subprocess.Popen[bytes] | None = None
         self._looks: deque[Look] = deque()
+        self._come = threading.Event()
         self._ended, self._over = "", False
         self.pieces: dict[int, int] = {}
         self.about: dict[str, str] = {}
@@ -160,12 +161,17 @@ class ProcessLooker:
 
     def looks(self, now: float) -> list[Look]:
         """See `Looker`."""
+        self._come.clear()
         found = []
         while self._looks:
             found.append(self._looks.popleft())
         if not found and self._ended and not self._over:
             raise CameraLost(self._ended)
         return found
+
+    def await_look(self, until: float) -> bool:
+        """See `Looker`."""
+        return not self._ended and self._come.wait(max(until - time.perf_counter(), 0.0))
 
     def restart(self) -> None:
         """See `Looker`."""
@@ -191,8 +197,10 @@ class ProcessLooker:
                     self._looks.append(word)
                 else:
                     self._ended = str(word)
+                self._come.set()
         except (EOFError, OSError, ValueError):
             self._ended = self._ended or f"camera {self._order.camera}: the process that reads it has ended"
+            self._come.set()
 
     def _pipe(self, name: str) -> BinaryIO:
         pipe = getattr(self._process, name, None)

@@ -106,6 +106,10 @@ class _Played:
         due, self.due = self.due, []
         return due
 
+    def await_look(self, until: float) -> bool:
+        """See `Looker`: a replay waits for nothing."""
+        return False
+
     def restart(self) -> None:
         """See `Looker`: no laboratory is simulated."""
 

@@ -72,7 +72,7 @@ class PerceptionTurn:
 
 
 class Perception(Protocol):
-    """All calls come from the loop's thread, and none but `start` waits."""
+    """All calls come from the loop's thread, and none but `start` and `await_news` waits."""
 
     def start(self) -> None:
         """Open the camera.
@@ -88,6 +88,11 @@ class Perception(Protocol):
 
     def published(self) -> None:
         """The state that came of it is with the servo."""
+        ...
+
+    def await_news(self, until: float) -> bool:
+        """Return at `until` [s], or as soon as there is something for `update`, and whether there is; at once if
+        nothing is due by then."""
         ...
 
     @property

@@ -39,6 +39,9 @@ GLIDE = 1e-3
 """Simulated seconds after which a moving trap is put farther, to half-way through the next such part. A leap each frame
 would let its spheres catch up, and lack their drag; with spheres that relax in τ it is 1 + (GLIDE/τ)²/12 of it."""
 
+LINGER = 0.5
+"""Part of the time between two turns by which one may begin later, with an image."""
+
 RecordingFactory = Callable[[str | None, "LiveLoop"], RecordingWriter]  # in a file, or in one named by the time
 
 
@@ -176,16 +179,30 @@ class LiveLoop:
             self.start(arm=arm)
             if started is not None:
                 started()
-            begun = deadline = self._clock.now()
+            begun = beat = self._clock.now()
             end = np.inf if duration is None else begun + duration
             while not self.over and self._clock.now() < end:
                 self.tick()
-                deadline, missed = next_deadline(deadline, 1.0 / self._rate, self._clock.now())
-                self.late += missed
-                self._clock.sleep_until(deadline)
+                beat = self._next_beat(beat)
                 self.wall = self._clock.now() - begun
         finally:
             self.close()
+
+    def _next_beat(self, last: float) -> float:
+        """Wait until the next turn begins, and when that was [s]."""
+        period = 1.0 / self._rate
+        beat, missed = next_deadline(last, period, self._clock.now())
+        self.late += missed
+        if self.perception is None:
+            self._clock.sleep_until(beat)
+            return beat
+        # an image that comes between two beats would wait: a turn begins with it, but no sooner than after a period
+        first = beat - missed * period
+        self._clock.sleep_until(first)
+        if self.perception.await_news(max(beat, first + LINGER * period)):
+            return self._clock.now()
+        self._clock.sleep_until(beat)
+        return beat
 
     def tick(self) -> LiveFrame:
         """One turn of the loop; returns what was published."""
