@@ -102,7 +102,7 @@ def _moved(belief: Belief, body: MobileBody, first: np.ndarray, last: np.ndarray
     state = offset if pushed is None else np.concatenate([offset, pushed.velocity])
     grown = expansion.growth * time
     moved = expansion.drifted(state, time, first, last, law) if grown <= GROWN[1] else None
-    if moved is None or (grown > GROWN[0] and np.any(np.abs(moved[:6] - offset) > NEAR)):
+    if moved is None or (grown > GROWN[0] and (np.abs(moved[:6] - offset) > NEAR).any()):
         middle = 0.5 * (first + last)
         half = _moved(replace(belief, expansion=expansion), body, first, middle, 0.5 * time)
         return _moved(half, body, middle, last, 0.5 * time)
@@ -139,7 +139,7 @@ def near(belief: Belief, body: MobileBody, command: np.ndarray) -> Expansion:
 
 
 def _far(expansion: Expansion, offset: np.ndarray, command: np.ndarray) -> bool:
-    if np.any(np.abs(offset) > NEAR):
+    if (np.abs(offset) > NEAR).any():
         return True
     change, places = np.abs(command - expansion.command), 3 * len(command) // 4
     power = change[places:] / np.maximum(np.abs(expansion.command[places:]), 1e-9)
@@ -161,9 +161,10 @@ def correct(belief: Belief, seen: Measurement, shape: Shape) -> Correction:
         known, slope = pushed.joint, np.hstack([slope, np.zeros_like(slope)])
     spread = slope @ known @ slope.T + noise
     factor = np.linalg.cholesky(0.5 * (spread + spread.T))
-    white = np.linalg.solve(factor, residual)
+    whitened = np.linalg.solve(factor, np.hstack([residual[:, None], slope @ known]))
+    white = whitened[:, 0]
     nis = float(white @ white)
-    gain = np.linalg.solve(factor.T, np.linalg.solve(factor, slope @ known)).T
+    gain = np.linalg.solve(factor.T, whitened[:, 1:]).T
     change = gain @ residual
     left = np.eye(len(known)) - gain @ slope
     covariance = left @ known @ left.T + gain @ noise @ gain.T

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
+import copy
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ import numpy as np
 from otwarp.errors import InputError
 from otwarp.scene import Camera
 from otwarp.scene.transforms import rotation_matrix
-from otwarp.vision.tracking.rotations import cross_matrix, difference
+from otwarp.vision.tracking.rotations import cross, cross_matrix, difference
 from otwarp.vision.tracking.shape import Shape
 
 UNKNOWN = 1e6
@@ -59,15 +60,15 @@ class Measurement:
             raise InputError(f"mirror of a measurement is {self.mirror:g}; allowed: 0 to 0.5")
         check_covariance(self.covariance, 5 if self.axis is not None else 6 if self.orientation is not None else 3)
 
-    @property
+    @cached_property
     def known(self) -> np.ndarray:
         """Indices of the components that were measured."""
         return np.flatnonzero(np.diag(self.covariance) < UNKNOWN**2)
 
-    @property
+    @cached_property
     def sees_axis(self) -> bool:
         """Whether both tilt and azimuth of an axis were measured."""
-        return self.axis is not None and bool(np.all(np.isin([3, 4], self.known)))
+        return self.axis is not None and {3, 4} <= set(self.known.tolist())
 
     def mirrored(self) -> Measurement:
         """What would have been measured had the tilt been seen with its other sign."""
@@ -77,7 +78,9 @@ class Measurement:
         others = [0, 1, 2, 4]
         covariance[3, others] *= -1.0
         covariance[others, 3] *= -1.0
-        return dataclasses.replace(self, axis=self.axis - 2.0 * (self.axis @ normal) * normal, covariance=covariance)
+        other = copy.copy(self)  # which is one if this is: unlike `replace`, this asks not again
+        vars(other).update(axis=self.axis - 2.0 * (self.axis @ normal) * normal, covariance=covariance)
+        return other
 
     def innovation(
         self, shape: Shape, place: np.ndarray, turn: np.ndarray
@@ -92,21 +95,22 @@ class Measurement:
             place: (3) its centre of diffusion [µm].
             turn: (4) its orientation.
         """
-        arm = rotation_matrix(turn) @ shape.arm
+        rotation, into = rotation_matrix(turn), self.frame.T
+        arm = rotation @ shape.arm
         size = len(self.covariance)
         residual, slope = np.zeros(size), np.zeros((size, 6))
-        residual[:3] = self.frame.T @ (self.position - place - arm)
-        slope[:3, :3] = self.frame.T
-        slope[:3, 3:] = -self.frame.T @ cross_matrix(arm)
+        residual[:3] = into @ (self.position - place - arm)
+        slope[:3, :3] = into
+        slope[:3, 3:] = -into @ cross_matrix(arm)
         known = self.known
-        if self.axis is not None and not np.any(shape.axis):
+        if self.axis is not None and not shape.axis.any():
             known = known[known < 3]
         elif self.axis is not None:
-            residual[3:], slope[3:, 3:] = self._axis_innovation(shape, rotation_matrix(turn) @ shape.axis)
+            residual[3:], slope[3:, 3:] = self._axis_innovation(shape, rotation @ shape.axis)
         elif self.orientation is not None:
             residual[3:] = difference(shape.nearest(self.orientation, turn), turn)
             slope[3:, 3:] = np.eye(3)
-        return residual[known], slope[known], np.asarray(self.covariance, dtype=float)[np.ix_(known, known)]
+        return residual[known], slope[known], np.asarray(self.covariance, dtype=float)[known][:, known]
 
     def _axis_innovation(self, shape: Shape, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(2) turn that leads from the axis of a pose to the measured one, along (2, 3) directions, and these."""
@@ -117,8 +121,8 @@ class Measurement:
         elif shape.reversible and seen @ measured < 0.0:
             seen = -seen
         basis = tilt_and_azimuth(measured, normal)
-        across = np.cross(seen, measured)
-        sine = float(np.linalg.norm(across))
+        across = cross(seen, measured)
+        sine = math.hypot(*across)
         turned = across * (math.atan2(sine, float(seen @ measured)) / sine if sine > 1e-12 else 1.0)
         return basis @ turned, basis
 
@@ -136,13 +140,13 @@ class Measurement:
 
 def tilt_and_azimuth(axis: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """(2, 3) directions about which turns lift an axis out of the focal plane, and carry it on in azimuth."""
-    across = np.cross(axis, normal)
-    length = float(np.linalg.norm(across))
+    across = cross(axis, normal)
+    length = math.hypot(*across)
     if length < 1e-9:
-        across = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
-        length = float(np.linalg.norm(across))
+        across = cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+        length = math.hypot(*across)
     across = across / length
-    return np.stack([across, np.cross(across, axis)])
+    return np.array([across, cross(across, axis)])
 
 
 def check_covariance(covariance: np.ndarray, size: int) -> None:
@@ -156,14 +160,15 @@ def check_covariance(covariance: np.ndarray, size: int) -> None:
         raise InputError(f"covariance of a measurement has shape {given.shape}; allowed: ({size}, {size})")
     variances = np.diag(given)
     known = np.flatnonzero(variances < UNKNOWN**2)
-    part = given[np.ix_(known, known)]
-    scale = np.sqrt(np.abs(np.diag(part)))
-    if np.any(np.isnan(variances)) or not np.all(np.isfinite(part)):
+    part = given[known][:, known]
+    own = variances[known]
+    scale = np.sqrt(np.abs(own))
+    if np.isnan(variances).any() or not np.isfinite(part).all():
         raise InputError("covariance of a measurement is not finite; allowed: numbers, or inf for what is not measured")
-    if np.any(np.diag(part) <= 0.0):
-        raise InputError(f"covariance of a measurement has the variance {np.diag(part).min():.3g}; allowed: above 0")
-    shared = part / np.outer(scale, scale)
-    if not np.allclose(shared, shared.T, atol=1e-6) or np.linalg.eigvalsh(shared).min(initial=1.0) <= 1e-10:
+    if (own <= 0.0).any():
+        raise InputError(f"covariance of a measurement has the variance {own.min():.3g}; allowed: above 0")
+    shared = part / (scale[:, None] * scale)
+    if np.abs(shared - shared.T).max(initial=0.0) > 1e-5 or np.linalg.eigvalsh(shared).min(initial=1.0) <= 1e-10:
         raise InputError("covariance of a measurement is not positive definite; allowed: eigenvalues above 0")
 
 

@@ -54,16 +54,17 @@ def transition(rate: np.ndarray, diffusion: np.ndarray, time: float) -> Transiti
     halvings = max(0, math.ceil(math.log2(size / 0.25))) if size > 0.0 else 0
     t = time / 2**halvings
     a = rate * t
-    power, drift, ramp, factor = one, one.copy(), 0.5 * one, 1.0
+    power, drift, ramp = one, one.copy(), 0.5 * one
     terms = 2.0 * diffusion * t
     noise = terms.copy()
     for n in range(1, TERMS):
         power = power @ a
-        factor *= n
-        drift += power / (factor * (n + 1))
-        ramp += power / (factor * (n + 1) * (n + 2))
-        # d/dt of the integrand: X → A X + X Aᵀ
-        terms = (a @ terms + terms @ a.T) / (n + 1)
+        power /= n
+        drift += power / (n + 1)
+        ramp += power / ((n + 1) * (n + 2))
+        # d/dt of the integrand, which is symmetric: X → A X + X Aᵀ
+        half = a @ terms
+        terms = (half + half.T) / (n + 1)
         noise += terms
     decay = one + a @ drift
     drift, ramp = drift * t, ramp * t * t
