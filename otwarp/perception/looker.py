@@ -57,7 +57,7 @@ class Looker(Protocol):
         ...
 
     def await_look(self, until: float) -> bool:
-        """Return at `until` [s], or as soon as `looks` has some, and whether it has; at once if none comes by itself."""
+        """Return at `until` [s], or as soon as `looks` has some, and whether it has; at once if none can come."""
         ...
 
     def restart(self) -> None:

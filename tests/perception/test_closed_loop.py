@@ -364,3 +364,18 @@ def test_a_reset_begins_with_the_plant_as_well(lab):
     twin, truth, _ = one.run(20)
     assert one.plant.sim.time < 0.2 and not one.perception.warnings
     assert np.abs(twin[-1] - truth[-1]).max() < 0.12
+
+
+def test_a_turn_waits_for_an_image_that_is_due(lab, monkeypatch):
+    """By the pace of late: 100 a second here, each looked at in a turn of its own."""
+    one, asked = lab(rate=100.0), []
+    loop = one.perception
+    monkeypatch.setattr(loop._looker, "await_look", lambda until: asked.append(until) or True)
+    assert loop.await_news(one.clock.now() + 0.004)
+    assert asked == [one.clock.now()]  # nothing came so far: it looks, and does not wait
+    one.run(120)
+    last = loop._times[-1]
+    for away, waits in ((0.002, False), (0.007, True), (0.012, True), (0.02, False)):
+        one.clock.sleep_until(last + away)
+        assert loop.await_news(last + away + 0.004)
+        assert asked[-1] == pytest.approx(last + away + (0.004 if waits else 0.0), abs=1e-9)

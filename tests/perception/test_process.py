@@ -128,3 +128,24 @@ def test_a_camera_that_is_not_there_is_said_in_one_line(tmp_path):
         looker.open()
     assert "holds no image" in str(error.value) and "\n" not in str(error.value)
     assert np.all([looker.pieces == {}, looker._process is None])
+
+
+def test_who_waits_for_a_look_is_woken_by_it(looker):
+    """And by the end of the camera; nobody waits for what cannot come."""
+    looker.open()
+    scene, begun = seen_bead(), time.perf_counter()
+    loop, twin = closed_loop(scene, looker.pieces, looker), Simulation(scene, device="cpu", seed=1)
+    loop.start()
+    place, power = scene.traps[0].position.at(0.0)[None], scene.traps[0].power.at(0.0)
+    now = begun
+    while not looker.await_look(now + 0.01):  # a laboratory exposes no further than it was commanded
+        now = time.perf_counter()
+        assert now - begun < PATIENCE
+        loop.update(twin, now, place, power)
+    assert looker.looks(now)
+    looker._process.kill()
+    while not looker._ended:
+        looker.looks(begun)
+        assert looker.await_look(begun + PATIENCE)
+    assert not looker.await_look(begun + 1e6)
+    assert time.perf_counter() - begun < PATIENCE

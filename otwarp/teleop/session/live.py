@@ -196,10 +196,12 @@ class LiveLoop:
         if self.perception is None:
             self._clock.sleep_until(beat)
             return beat
-        # an image that comes between two beats would wait: a turn begins with it, but no sooner than after a period
+        # an image that comes between two beats would wait: a turn begins with it, but no sooner than after a period,
+        # and no later than forces bear
         first = beat - missed * period
         self._clock.sleep_until(first)
-        if self.perception.await_news(max(beat, first + LINGER * period)):
+        linger = min(LINGER * period, LONGEST_TICK - period) if self.plans else LINGER * period
+        if self.perception.await_news(max(beat, first + linger)):
             return self._clock.now()
         self._clock.sleep_until(beat)
         return beat

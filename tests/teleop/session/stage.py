@@ -83,9 +83,8 @@ class Stage:
             make_servo=make_servo,
             notice=self.news.append,
             clock=self.clock,
-            rate=RATE,
             device="cpu",
-            **options or {},
+            **{"rate": RATE, **(options or {})},
         )
 
     def run(self, seconds: float) -> LiveFrame:
