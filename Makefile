@@ -39,7 +39,7 @@ GPU_FORMS = $(addprefix tests/,kernels/drivers/grid \
 
 thorough: $(READY)  ## run the files of tests that take longest, which `make test` leaves out
 	$(BIN)/python -m pytest -n 3 --dist loadfile --thorough -m thorough
-	$(BIN)/python -m pytest -n 2 --dist loadfile --thorough --gpu-forms $(GPU_FORMS)
+	$(BIN)/python -m pytest -n 3 --dist worksteal --thorough --gpu-forms $(GPU_FORMS)
 
 validate: $(READY)  ## run all tests, the long statistical ones as well
 	$(BIN)/python -m pytest -n 2 --dist loadfile --validate
