@@ -66,6 +66,7 @@ def test_no_room_for_the_picture(run: Path, tmp_path: Path, capsys: pytest.Captu
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.thorough
 def test_the_command_says_the_same(run: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     picture = tmp_path / "calib.png"
     words = ["analyse", str(run / "run.nc"), "--psd", "--msd", "--acf", "--calibrate", "--escapes", "--axis", "x"]

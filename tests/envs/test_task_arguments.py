@@ -84,7 +84,7 @@ def test_numbers_may_be_arrays_and_lists():
     assert task.power == (0.0, 1.0) and task.image_size == (8, 4) and task.image_binning == 2
 
 
-@pytest.mark.parametrize("rate", [0.1, 10_000.0])
+@pytest.mark.parametrize("rate", [pytest.param(0.1, marks=pytest.mark.thorough), 10_000.0])
 def test_the_ends_of_the_range_of_rates_work(rate, device):
     envs = VectorEnv(dataclasses.replace(TASK, rate=rate), 2, device=device)
     envs.reset(seed=1)

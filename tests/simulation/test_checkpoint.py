@@ -149,7 +149,10 @@ CHOICES = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("chosen", CHOICES, ids=["float32", "float64"])
+@pytest.mark.parametrize(
+    "chosen",
+    [pytest.param(CHOICES[0], id="float32"), pytest.param(CHOICES[1], id="float64", marks=pytest.mark.thorough)],
+)
 def test_every_option_of_the_step_is_kept(chosen, tmp_path, device):
     """The largest step that is allowed is not: one that was accepted is accepted again."""
     names = {f.name for f in dataclasses.fields(StepOptions)}

@@ -102,6 +102,7 @@ def test_moving_box_pushes_a_bead(driver, device):
     np.testing.assert_allclose(places(sim)[1], [0, 50, 9], atol=1e-4)
 
 
+@pytest.mark.thorough
 def test_squeezed_from_two_sides(driver, device):
     """A bead between the floor and a box that leaves 0.2 µm too little room: both push with the Hertz force of 0.1 µm.
 

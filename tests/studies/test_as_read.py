@@ -49,6 +49,7 @@ def test_a_scene_that_is_not_its_file(file, axes):
                 make(changed, axes=axes)
 
 
+@pytest.mark.thorough
 def test_a_changed_scene_that_was_saved(file, tmp_path):
     """As the message says: the folder holds the scene that was meant, and goes on with it."""
     loaded = Scene.load(file)

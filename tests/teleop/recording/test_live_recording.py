@@ -149,6 +149,7 @@ def test_a_recording_that_cannot_be_is_told_and_the_session_goes_on(tmp_path):
         Session(three_beads(), SessionOptions(record="a.bag", device="cpu"), say=lambda line: None)
 
 
+@pytest.mark.thorough
 def test_a_session_that_never_began_leaves_nothing_and_may_be_tried_again(tmp_path):
     path = tmp_path / "take1.mcap"
     # a device that is gone again once the session starts: the first look at it was in time

@@ -51,6 +51,7 @@ def test_same_steps_however_launched(make, monkeypatch, device):
         np.testing.assert_allclose(apart[name], value, rtol=0.0, atol=0.0 if device == "cpu" else ROUNDED)
 
 
+@pytest.mark.thorough
 def test_few_worlds_keep_to_one_kernel():
     """By the number of all worlds of a simulation, so that its shards agree."""
     features = dataclasses.replace(Simulation(with_robot(), device="cpu").model.features, in_turn=False)
