@@ -1,7 +1,7 @@
 """`Session`: a scene, live, with hands, page and recording, put together: what `otwarp teleop` runs.
 
-`live` is its loop, one tick after the other; open it first. `pace` says how many steps are due in each, and at what
-speed to go on; `task_text` how the scene's task stands.
+`live` is its loop, one tick after the other; open it first. `turns` says when each begins, `pace` how many steps are
+due in it, and at what speed to go on; `task_text` how the scene's task stands.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ import numpy as np
 from otwarp import teleop as c
 from otwarp.errors import InputError, SimulationError
 from otwarp.haptics.core import SceneFrame
-from otwarp.haptics.core.realtime import Clock, RealClock, next_deadline
+from otwarp.haptics.core.realtime import Clock, RealClock
 from otwarp.record.monitor import Monitor
 from otwarp.scene import Scene
 from otwarp.simulation.frame import Frame, capture_frame
@@ -27,6 +27,7 @@ from otwarp.teleop.perception import Perception
 from otwarp.teleop.recording import Recordings, RecordingWriter
 from otwarp.teleop.session.pace import Pace
 from otwarp.teleop.session.task_text import task_line
+from otwarp.teleop.session.turns import next_turn
 
 RATES = (10.0, 1000.0)
 """Frames per second that the loop may aim at."""
@@ -38,9 +39,6 @@ machine that is too slow simulated time slips instead."""
 GLIDE = 1e-3
 """Simulated seconds after which a moving trap is put farther, to half-way through the next such part. A leap each frame
 would let its spheres catch up, and lack their drag; with spheres that relax in τ it is 1 + (GLIDE/τ)²/12 of it."""
-
-LINGER = 0.5
-"""Part of the time between two turns by which one may begin later, with an image."""
 
 RecordingFactory = Callable[[str | None, "LiveLoop"], RecordingWriter]  # in a file, or in one named by the time
 
@@ -181,30 +179,14 @@ class LiveLoop:
                 started()
             begun = beat = self._clock.now()
             end = np.inf if duration is None else begun + duration
+            news = None if self.perception is None else self.perception.await_news
             while not self.over and self._clock.now() < end:
                 self.tick()
-                beat = self._next_beat(beat)
+                beat, missed = next_turn(self._clock, beat, self._rate, news, LONGEST_TICK if self.plans else np.inf)
+                self.late += missed
                 self.wall = self._clock.now() - begun
         finally:
             self.close()
-
-    def _next_beat(self, last: float) -> float:
-        """Wait until the next turn begins, and when that was [s]."""
-        period = 1.0 / self._rate
-        beat, missed = next_deadline(last, period, self._clock.now())
-        self.late += missed
-        if self.perception is None:
-            self._clock.sleep_until(beat)
-            return beat
-        # an image that comes between two beats would wait: a turn begins with it, but no sooner than after a period,
-        # and no later than forces bear
-        first = beat - missed * period
-        self._clock.sleep_until(first)
-        linger = min(LINGER * period, LONGEST_TICK - period) if self.plans else LINGER * period
-        if self.perception.await_news(max(beat, first + linger)):
-            return self._clock.now()
-        self._clock.sleep_until(beat)
-        return beat
 
     def tick(self) -> LiveFrame:
         """One turn of the loop; returns what was published."""
