@@ -217,9 +217,9 @@ def _tables(laws: PackedLaws, device: wp.Device) -> Any:
     """Force tables as `otwarp.kernels.optics.force_table` reads them, in float64."""
     tables = ForceTableData()
     level = kernel_module("core.table_data", "float64").GridLevel
-    node = np.array(laws.node).reshape(-1, 3)
+    node = np.array(laws.node).reshape(-1, 4)
     levels = np.frombuffer(laws.level.tobytes(), dtype=level.numpy_dtype())
-    tables.node = wp.array(node, dtype=wp.vec3d, device=device)
+    tables.node = wp.array(node, dtype=wp.vec4d, device=device)
     tables.level = wp.array(levels, dtype=level, device=device)
     tables.level_start = wp.array(np.array(laws.start), dtype=wp.int32, device=device)
     return tables

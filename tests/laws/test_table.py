@@ -9,7 +9,7 @@ import warp as wp
 
 from otwarp.haptics.force.law import TableLaw
 from otwarp.kernels.core.precision import kernel_module, typed
-from otwarp.kernels.core.table_data import ForceTableData, GridLevel
+from otwarp.kernels.core.table_data import ForceTableData
 from otwarp.kernels.core.types import Aim, vec6
 from otwarp.kernels.cpu.rigid_block import FEW_SPHERES
 from otwarp.kernels.cpu.table_block import table_wrench_term
@@ -44,11 +44,12 @@ def case(interpolation: str, layers: int) -> tuple[ForceTable, np.ndarray, np.nd
     return table, place, force
 
 
-def packed(interpolation: str, device: str, precision: str) -> tuple[ForceTableData, wp.array]:
-    """The tables of all layers, one after another, and the finest level of each."""
+def packed(interpolation: str, device: str, precision: str) -> tuple[ForceTableData, wp.array, wp.array]:
+    """The tables of all layers, one after another, and what a trap reads first of each."""
     tables = tuple(case(interpolation, layers)[0] for layers in LAYERS)
     pairs = np.arange(len(tables), dtype=np.int32)[:, None]
-    return pack_tables(TrapOptics((), tables, pairs, np.zeros(0, dtype=int)), Place(wp.get_device(device), precision))
+    optics = TrapOptics((), tables, pairs, np.zeros(0, dtype=int))
+    return pack_tables(optics, [0.0] * len(tables), Place(wp.get_device(device), precision))
 
 
 def check(found: np.ndarray, interpolation: str, layers: int, rounding: float) -> None:
@@ -71,7 +72,7 @@ def test_servo(interpolation, layers):
 def test_warp(interpolation, precision, device):
     term = kernel_module("optics.force_table", precision).table_term
     one, two, three = (term(interpolation, layers) for layers in LAYERS)
-    data, _ = packed(interpolation, device, precision)
+    data, *_ = packed(interpolation, device, precision)
     tables_type, vec3 = typed(ForceTableData, precision), typed(wp.vec3, precision)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -95,7 +96,7 @@ def test_warp(interpolation, precision, device):
 
 def test_vectors_of_a_cpu():
     """One sphere at its body's reference point, one trap at the origin that travels along +Z."""
-    data, finest = packed("bilinear", "cpu", "float32")
+    data, nodes, grid = packed("bilinear", "cpu", "float32")
     one, two, three = (table_wrench_term(1, layers, False) for layers in LAYERS)
 
     @wp.struct
@@ -106,9 +107,8 @@ def test_vectors_of_a_cpu():
         kind: wp.array(dtype=wp.int32)
         axis: wp.array(dtype=wp.vec3)
         side: wp.array(dtype=wp.vec3)
-        equilibrium: wp.array(dtype=wp.float32)
-        which: wp.array2d(dtype=wp.int32)
-        finest: wp.array2d(dtype=GridLevel)
+        nodes: wp.array2d(dtype=wp.vec4i)
+        grid: wp.array2d(dtype=wp.vec4)
 
     @wp.kernel(module="unique", enable_backward=False)
     def probe(g: Setting, t: ForceTableData, layers: int, place: wp.array(dtype=wp.vec3), out: wp.array(dtype=wp.vec3)):
@@ -118,18 +118,18 @@ def test_vectors_of_a_cpu():
         wrench = vec6()
         if layers == 1:
             wrench = one(
-                g.spheres, g.aims, p, r, g.trapped, g.kind, 0, 1, g.axis, g.side, g.equilibrium, g.which, g.finest,
-                t.node, t.level_start, t.level,
+                g.spheres, g.aims, p, r, g.trapped, g.kind, 0, 1, g.axis, g.side, g.nodes, g.grid, t.node,
+                t.level_start, t.level,
             )  # fmt: skip
         if layers == 2:
             wrench = two(
-                g.spheres, g.aims, p, r, g.trapped, g.kind, 0, 1, g.axis, g.side, g.equilibrium, g.which, g.finest,
-                t.node, t.level_start, t.level,
+                g.spheres, g.aims, p, r, g.trapped, g.kind, 0, 1, g.axis, g.side, g.nodes, g.grid, t.node,
+                t.level_start, t.level,
             )  # fmt: skip
         if layers == 3:
             wrench = three(
-                g.spheres, g.aims, p, r, g.trapped, g.kind, 0, 1, g.axis, g.side, g.equilibrium, g.which, g.finest,
-                t.node, t.level_start, t.level,
+                g.spheres, g.aims, p, r, g.trapped, g.kind, 0, 1, g.axis, g.side, g.nodes, g.grid, t.node,
+                t.level_start, t.level,
             )  # fmt: skip
         out[i] = wp.vec3(wrench[0], wrench[1], wrench[2])
 
@@ -142,9 +142,8 @@ def test_vectors_of_a_cpu():
     setting.spheres, setting.aims = offsets.ptr, aims.ptr
     setting.trapped, setting.kind = array([[0.0] * 4], wp.vec4), array([0], wp.int32)
     setting.axis, setting.side = array([[0.0, 0.0, 1.0]], wp.vec3), array([[1.0, 0.0, 0.0]], wp.vec3)
-    setting.equilibrium = array([0.0], wp.float32)
     for layers in LAYERS:
-        setting.which, setting.finest = array([[layers - 1]], wp.int32, 2), finest[layers - 1 : layers]
+        setting.nodes, setting.grid = nodes[layers - 1 : layers], grid[layers - 1 : layers]
         place = array(case("bilinear", layers)[1].tolist(), wp.vec3)
         out = wp.zeros_like(place)
         wp.launch(probe, dim=len(place), inputs=[setting, data, layers, place, out], device="cpu")

@@ -222,7 +222,7 @@ class _Sum:
             (self._pulls, len(PULL)),
             (self.spheres, len(SPHERE)),
             (laws.rows, len(LAW)),
-            (laws.node, 3),
+            (laws.node, 4),
             (laws.level, _LEVEL.size),
         )
         numbers = [_address(self._hand)]
@@ -299,10 +299,13 @@ def _add_table(packed: PackedLaws, law: TableLaw) -> None:
     """Append the levels of a table."""
     for level, grid in zip(law.levels, law.grids, strict=True):
         # a level starts at a whole node, whose index counts the layers as one
-        packed.node.extend([0.0] * (-len(packed.node) % (3 * law.layers)))
-        first = len(packed.node) // (3 * law.layers)
+        packed.node.extend([0.0] * (-len(packed.node) % (4 * law.layers)))
+        first = len(packed.node) // (4 * law.layers)
         packed.level.frombytes(_LEVEL.pack(first, level.columns, grid.end, level.per_spacing, level.middle))
-        packed.node.extend(level.node)
+        rows = array("d", bytes(len(level.node) // 3 * 4 * packed.node.itemsize))
+        for i in range(3):
+            rows[i::4] = level.node[i::3]
+        packed.node.extend(rows)
     packed.start.append(len(packed.level) // _LEVEL.size)
 
 

@@ -57,6 +57,27 @@ def mat66_at(rows: wp.array(dtype=mat66), n: int) -> mat66:
     ...
 
 
+_ROW_OF_TWO = """
+    auto entry = rows.data + ((unsigned)row * (unsigned)rows.shape[1] + (unsigned)column);
+#if defined(__CUDA_ARCH__)
+    entry = reinterpret_cast<decltype(entry)>(__builtin_assume_aligned(entry, 16));
+#endif
+    return *entry;
+"""
+
+
+@wp.func_native(_ROW_OF_TWO)
+def vec4_of(rows: wp.array2d(dtype=wp.vec4), row: int, column: int) -> wp.vec4:
+    """The four numbers at (row, column) of an array of its own, in the array's units."""
+    ...
+
+
+@wp.func_native(_ROW_OF_TWO)
+def vec4i_of(rows: wp.array2d(dtype=wp.vec4i), row: int, column: int) -> wp.vec4i:
+    """The four indices [1] at (row, column) of an array of its own."""
+    ...
+
+
 @wp.func_native("""
     return values.data[n];
 """)

@@ -20,10 +20,11 @@ class GridLevel:
 class ForceTableData:
     """All tables of a scene, one after another; L levels in all, of every table from the finest outward.
 
-    Nodes are forces per mW [pN]; those of one (z, ρ) lie together, layer by layer.
+    Nodes are forces per mW [pN]; those of one (z, ρ) lie together, layer by layer. Each has a fourth number, 0, because
+    a GPU reads four at once.
     """
 
-    node: wp.array(dtype=wp.vec3)
+    node: wp.array(dtype=wp.vec4)
     level_start: wp.array(dtype=wp.int32)  # (tables + 1) first level of each table
     level: wp.array(dtype=GridLevel)  # (L)
 

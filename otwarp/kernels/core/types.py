@@ -7,7 +7,7 @@ holds one row for all worlds or one row per world. Arrays always exist; a scene 
 import warp as wp
 
 from otwarp.kernels.core.exact_data import ExactData
-from otwarp.kernels.core.table_data import ForceTableData, GridLevel
+from otwarp.kernels.core.table_data import ForceTableData
 
 vec4 = wp.vec4
 mat66 = wp.types.matrix(shape=(6, 6), dtype=wp.float32)
@@ -30,7 +30,9 @@ class TrapData:
     axis: wp.array(dtype=wp.vec3)  # (T) beam direction
     side: wp.array(dtype=wp.vec3)  # (T) across it, along the major axis of the polarization
     table: wp.array2d(dtype=wp.int32)  # (T, optical kinds) index of the force table
-    finest: wp.array2d(dtype=GridLevel)  # (T, optical kinds) first level of that table, so that one read finds it
+    # (T, optical kinds) once more what a trap reads of that table before any node, so that two reads find it
+    near_nodes: wp.array2d(dtype=wp.vec4i)  # index of the table; first node and columns of its finest level; 0
+    near_grid: wp.array2d(dtype=wp.vec4)  # radius, 1/spacing and middle of that level; `equilibrium` of the trap
     tables: ForceTableData
     exact: wp.array(dtype=ExactData)  # one per table, (0) without exact traps
     exact_scale: wp.array(dtype=wp.float32)  # (tables) force per mW of Q = 1 [pN]

@@ -39,51 +39,46 @@ _LOADS = """
     };
 """
 
-# Four floats are read for a node of three: the first node of a pair along ρ with what follows it, the second with what
-# comes before it, so that nothing beyond the table is touched.
 _INTERPOLATE = """
-    const float* nodes = (const float*)node.data;
-    auto first_of = [&](const float* at, const floats4& first, const floats4& second) {
+    const float* table = (const float*)node.data;
+    auto node_at = [&](const float* at, const floats4& first, const floats4& second) {
         floats4 f = load(at);
         if (LAYERS > 1)
-            f += first * load(at + 3);
+            f += first * load(at + 4);
         if (LAYERS > 2)
-            f += second * load(at + 6);
+            f += second * load(at + 8);
         return f;
     };
-    auto second_of = [&](const float* at, const floats4& first, const floats4& second) {
-        floats4 f = load(at - 1);
-        if (LAYERS > 1)
-            f += first.wxyz * load(at + 2);
-        if (LAYERS > 2)
-            f += second.wxyz * load(at + 5);
-        return f;
-    };
-    auto interpolate = [&](const auto& grid, floats4 place, const floats4& first, const floats4& second) {
+    auto interpolate = [&](int start, int columns, const float* grid, floats4 place, const floats4& first,
+                           const floats4& second) {
 #pragma clang fp contract(off)
-        // per_spacing and middle, which stand side by side; a load has no false dependence on earlier pairs
-        floats4 scale = load_two(&grid.per_spacing);
+        // `grid` is per_spacing, and middle beside it; a load has no false dependence on earlier pairs
+        floats4 scale = load_two(grid);
         floats4 uv = place * scale.xxxx + __builtin_shufflevector(scale, floats4(0.0f), 4, 1, 6, 7);
         ints4 cell = __builtin_convertvector(uv, ints4);
         floats4 part = uv - __builtin_convertvector(cell, floats4);
-        int n = grid.node + (cell.y + 1) * grid.columns + cell.x + 1;
-        const float* below = nodes + 3 * LAYERS * (long long)n;
-        const float* above = below + 3 * LAYERS * (long long)grid.columns;
-        floats4 inner = first_of(below, first, second), outer = second_of(below + 3 * LAYERS, first, second);
-        inner += part.y * (first_of(above, first, second) - inner);
-        outer += part.y * (second_of(above + 3 * LAYERS, first, second) - outer);
-        return inner + part.x * (outer.yzwx - inner);
+        int n = start + (cell.y + 1) * columns + cell.x + 1;
+        const float* below = table + 4 * LAYERS * (long long)n;
+        const float* above = below + 4 * LAYERS * (long long)columns;
+        floats4 inner = node_at(below, first, second), outer = node_at(below + 4 * LAYERS, first, second);
+        inner += part.y * (node_at(above, first, second) - inner);
+        outer += part.y * (node_at(above + 4 * LAYERS, first, second) - outer);
+        return inner + part.x * (outer - inner);
     };
 """
 
 _FORCE = """
+    auto at_level = [&](const auto& level, floats4 place, const floats4& first, const floats4& second) {
+        return interpolate(level.node, level.columns, &level.per_spacing, place, first, second);
+    };
     auto force_at = [&](int trap, int kind, floats4 place, float d2, const floats4& first, const floats4& second) {
 #pragma clang fp contract(off)
-        const auto& close = finest.data[trap * finest.shape[1] + kind];
-        float inner = BLENDf * close.radius;
+        const int* nodes = (const int*)(near_nodes.data + trap * near_nodes.shape[1] + kind);
+        const float* grid = (const float*)(near_grid.data + trap * near_grid.shape[1] + kind);
+        float inner = BLENDf * grid[0];
         if (d2 < inner * inner)
-            return interpolate(close, place, first, second);
-        int which = table.data[trap * table.shape[1] + kind];
+            return interpolate(nodes[1], nodes[2], grid + 1, place, first, second);
+        int which = nodes[0];
         const auto* here = level.data + level_start.data[which];
         const auto* last = level.data + level_start.data[which + 1] - 1;
         while (here < last && d2 >= here->radius * here->radius)
@@ -92,7 +87,7 @@ _FORCE = """
         // written so that a NaN is outside
         if (!(d2 < reach2))
             return floats4(0.0f);
-        floats4 f = interpolate(*here, place, first, second);
+        floats4 f = at_level(*here, place, first, second);
         inner = BLENDf * here->radius;
         if (d2 > inner * inner) {
             float x = (d2 / reach2 - BLENDf * BLENDf) * BLEND_SCALEf;
@@ -100,7 +95,7 @@ _FORCE = """
             float w = x * x * (3.0f - 2.0f * x);
             f *= 1.0f - w;
             if (here < last)
-                f += w * interpolate(here[1], place, first, second);
+                f += w * at_level(here[1], place, first, second);
         }
         return f;
     };
@@ -143,7 +138,7 @@ _BODY = """
             if (left == 0)
                 continue;
             INTO_FRAME
-            z += equilibrium.data[trap];
+            z += near_grid.data[trap * near_grid.shape[1]][3];
             floats8 rho2 = x * x + y * y;
             floats8 d2 = rho2 + z * z;
             // on the axis F_ρ and F_φ vanish in proportion to ρ, so that any direction serves
@@ -240,9 +235,8 @@ def table_wrench_term(traps: int, layers: int, upright: bool) -> wp.Function:
     def table_wrench(
         spheres: wp.uint64, aims: wp.uint64, position: wp.vec3, turn: wp.mat33, trapped: wp.array(dtype=wp.vec4),
         trapped_kind: wp.array(dtype=wp.int32), begin: int, end: int, axis: wp.array(dtype=wp.vec3),
-        side: wp.array(dtype=wp.vec3), equilibrium: wp.array(dtype=wp.float32), table: wp.array2d(dtype=wp.int32),
-        finest: wp.array2d(dtype=GridLevel), node: wp.array(dtype=wp.vec3), level_start: wp.array(dtype=wp.int32),
-        level: wp.array(dtype=GridLevel),
+        side: wp.array(dtype=wp.vec3), near_nodes: wp.array2d(dtype=wp.vec4i), near_grid: wp.array2d(dtype=wp.vec4),
+        node: wp.array(dtype=wp.vec4), level_start: wp.array(dtype=wp.int32), level: wp.array(dtype=GridLevel),
     ) -> vec6:  # fmt: skip
         """Force [pN] and torque about `position` [pN·µm] in world axes, in the vector registers of a CPU."""
         ...

@@ -22,32 +22,42 @@ def blend_weight(d2: float, radius: float) -> float:
 
 
 @wp.func_native("""
-    return nodes.data[n];
+    auto row = nodes.data + n;
+#if defined(__CUDA_ARCH__)
+    if constexpr (sizeof(*row) == sizeof(float4)) {
+        // whole, so that it is one load
+        float4 node = __ldg(reinterpret_cast<const float4*>(row) + after);
+        return {node.x, node.y, node.z};
+    }
+#endif
+    return {row[after][0], row[after][1], row[after][2]};
 """)
-def node_at(nodes: wp.array(dtype=wp.vec3), n: int) -> wp.vec3:
-    """Node n [pN per mW] without the strides and negative indices of Warp, so that neighbours share an address."""
+def node_at(nodes: wp.array(dtype=wp.vec4), n: int, after: int) -> wp.vec3:
+    """The node by `after` after node n [pN per mW], without the strides of Warp, so that both share an address."""
     ...
 
 
 @wp.func
-def one_layer(tables: ForceTableData, node: int, first: wp.vec3, second: wp.vec3) -> wp.vec3:
-    """F_ρ, F_φ, F_z [pN per mW] of a node in a beam of one helicity."""
-    return node_at(tables.node, node)
+def one_layer(tables: ForceTableData, node: int, after: int, first: wp.vec3, second: wp.vec3) -> wp.vec3:
+    """F_ρ, F_φ, F_z [pN per mW] of the node by `after` after `node` in a beam of one helicity."""
+    return node_at(tables.node, node, after)
 
 
 @wp.func
-def two_layers(tables: ForceTableData, node: int, first: wp.vec3, second: wp.vec3) -> wp.vec3:
-    """F_ρ, F_φ, F_z [pN per mW] of a node in a polarized beam; `first` = (cos 2φ, sin 2φ, cos 2φ)."""
-    return node_at(tables.node, 2 * node) + wp.cw_mul(first, node_at(tables.node, 2 * node + 1))
+def two_layers(tables: ForceTableData, node: int, after: int, first: wp.vec3, second: wp.vec3) -> wp.vec3:
+    """F_ρ, F_φ, F_z [pN per mW] of the node in a polarized beam; `first` = (cos 2φ, sin 2φ, cos 2φ)."""
+    n = 2 * node
+    k = 2 * after
+    return node_at(tables.node, n, k) + wp.cw_mul(first, node_at(tables.node, n, k + 1))
 
 
 @wp.func
-def three_layers(tables: ForceTableData, node: int, first: wp.vec3, second: wp.vec3) -> wp.vec3:
-    """F_ρ, F_φ, F_z [pN per mW] of a node in a polarized vortex; `second` = (sin 2φ, cos 2φ, sin 2φ)."""
-    polarized = wp.cw_mul(first, node_at(tables.node, 3 * node + 1)) + wp.cw_mul(
-        second, node_at(tables.node, 3 * node + 2)
-    )
-    return node_at(tables.node, 3 * node) + polarized
+def three_layers(tables: ForceTableData, node: int, after: int, first: wp.vec3, second: wp.vec3) -> wp.vec3:
+    """F_ρ, F_φ, F_z [pN per mW] of the node in a polarized vortex; `second` = (sin 2φ, cos 2φ, sin 2φ)."""
+    n = 3 * node
+    k = 3 * after
+    polarized = wp.cw_mul(first, node_at(tables.node, n, k + 1)) + wp.cw_mul(second, node_at(tables.node, n, k + 2))
+    return node_at(tables.node, n, k) + polarized
 
 
 NODE_TERMS = {1: one_layer, 2: two_layers, 3: three_layers}
@@ -70,11 +80,11 @@ def bilinear_term(layers: int) -> wp.Function:
         b = v - cell_start(v)
         n = level.node + (j + 1) * level.columns + i + 1
         both = a * b
-        total = (1.0 - a - (b - both)) * at(tables, n, first, second)
-        total += (a - both) * at(tables, n + 1, first, second)
+        total = (1.0 - a - (b - both)) * at(tables, n, 0, first, second)
+        total += (a - both) * at(tables, n, 1, first, second)
         n += level.columns
-        total += (b - both) * at(tables, n, first, second)
-        return total + both * at(tables, n + 1, first, second)
+        total += (b - both) * at(tables, n, 0, first, second)
+        return total + both * at(tables, n, 1, first, second)
 
     return bilinear
 
@@ -111,10 +121,10 @@ def bicubic_term(layers: int) -> wp.Function:
         n = level.node + j * level.columns + i
         total = wp.vec3(0.0)
         for k in range(4):
-            row = wu[0] * at(tables, n, first, second)
-            row += wu[1] * at(tables, n + 1, first, second)
-            row += wu[2] * at(tables, n + 2, first, second)
-            row += wu[3] * at(tables, n + 3, first, second)
+            row = wu[0] * at(tables, n, 0, first, second)
+            row += wu[1] * at(tables, n, 1, first, second)
+            row += wu[2] * at(tables, n, 2, first, second)
+            row += wu[3] * at(tables, n, 3, first, second)
             total += wv[k] * row
             n += level.columns
         return total

@@ -126,7 +126,7 @@ def local_force_kernel(models: tuple[str, ...]) -> wp.Kernel:
         sphere = wp.array(ptr=sphere_ptr, shape=(int(spheres), wp.static(len(rows.SPHERE))), dtype=float)
         law_row = wp.array(ptr=law_ptr, shape=(int(laws), wp.static(len(rows.LAW))), dtype=float)
         tables = ForceTableData()
-        tables.node = wp.array(ptr=node_ptr, shape=(int(nodes),), dtype=wp.vec3)
+        tables.node = wp.array(ptr=node_ptr, shape=(int(nodes),), dtype=wp.vec4)
         tables.level = wp.array(ptr=level_ptr, shape=(int(levels),), dtype=GridLevel)
         # the last level of each table ends where the next table starts
         tables.level_start = wp.array(ptr=start_ptr, shape=(int(laws) + 1,), dtype=wp.int32)

@@ -15,7 +15,9 @@ import warp as wp
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.keyframes import Piece, find_key, find_key_from, key_weight
 from otwarp.kernels.core.packed import beside, point_of, power_of
+from otwarp.kernels.core.reads import vec4_of, vec4i_of
 from otwarp.kernels.core.step_constants import Glide, TrapConstants
+from otwarp.kernels.core.table_data import GridLevel
 from otwarp.kernels.core.types import ControlData, TrapData, world_row
 from otwarp.kernels.optics.exact import exact_force_term
 from otwarp.kernels.optics.force_table import blend_weight, table_stiffness_term, table_term
@@ -47,8 +49,11 @@ class TrapTerm(NamedTuple):
 def prepare_table(traps: TrapData, world: int, trap: int, radius: float, kind: int) -> TrapConstants:
     """Beam's frame, and the force table of this beam and the sphere's optical kind."""
     law = beam_frame(traps, trap)
-    law.table = traps.table[trap, kind]
-    law.finest = traps.finest[trap, kind]
+    nodes = vec4i_of(traps.near_nodes, trap, kind)
+    grid = vec4_of(traps.near_grid, trap, kind)
+    law.table = nodes[0]
+    law.finest = GridLevel(nodes[1], nodes[2], grid[0], grid[1], grid[2])
+    law.equilibrium = grid[3]
     return law
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -268,19 +268,26 @@ def pack_exact(optics: TrapOptics, room: wp.array, device: Place) -> wp.array:
     return wp.array(known, dtype=ExactData, device=device.device)
 
 
-def pack_tables(optics: TrapOptics, device: Place) -> tuple[Annotated[Any, ForceTableData], wp.array]:
-    """All tables one after another, in forces per mW; and the (T, K) finest level of each pair."""
+def pack_tables(
+    optics: TrapOptics, equilibrium: Sequence[float], device: Place
+) -> tuple[Annotated[Any, ForceTableData], wp.array, wp.array]:
+    """All tables one after another, in forces per mW; and `near_nodes` and `near_grid` of `TrapData`.
+
+    Args:
+        equilibrium: Of the traps, along their axes from the focus [µm].
+    """
     grid_level = device.typed(GridLevel)
     real = np.dtype(device.precision).type
-    starts, nodes, total = [], [np.zeros((0, 3), dtype=real)], 0
+    starts, nodes, total = [], [np.zeros((0, 4), dtype=real)], 0
     for table in optics.tables:
         for level in table.levels:
             starts.append(total // table.layers)
             # padded to multiples of 6, so that a level starts at a whole node whether nodes have 1, 2 or 3 layers
-            flat = np.zeros((level.node.size // 3 + -(level.node.size // 3) % 6, 3), dtype=real)
-            flat[: level.node.size // 3] = real(table.beam.force_scale) * level.node.reshape(-1, 3)
-            nodes.append(flat)
-            total += len(flat)
+            count = level.node.size // 3
+            rows = np.zeros((count + -count % 6, 4), dtype=real)
+            rows[:count, :3] = real(table.beam.force_scale) * level.node.reshape(-1, 3)
+            nodes.append(rows)
+            total += len(rows)
     levels = [level for table in optics.tables for level in table.levels]
     packed = np.zeros(len(levels), dtype=grid_level.numpy_dtype())
     for row, (start, level) in enumerate(zip(starts, levels, strict=True)):
@@ -288,11 +295,14 @@ def pack_tables(optics: TrapOptics, device: Place) -> tuple[Annotated[Any, Force
         middle = real(level.radius) * per_spacing
         packed[row] = (start, level.node.shape[1], level.end, per_spacing, middle)
     data = device.typed(ForceTableData)()
-    data.node = device_array(np.concatenate(nodes), wp.vec3, device)
+    data.node = device_array(np.concatenate(nodes), wp.vec4, device)
     first = np.cumsum([0] + [len(table.levels) for table in optics.tables])
     data.level_start = device_array(first, wp.int32, device)
     data.level = wp.array(packed, dtype=grid_level, device=device.device)
-    # the finest level of every pair again by trap and kind: one read instead of three in a row
-    chosen = packed[first[np.maximum(optics.table, 0)]] if len(packed) else np.zeros((0, 0), dtype=packed.dtype)
-    finest = wp.array(chosen, dtype=grid_level, device=device.device, ndim=2)
-    return data, finest
+    nodes_of, grid_of = (np.zeros((*optics.table.shape, 4), dtype=kind) for kind in (np.int32, real))
+    if len(packed):
+        finest = packed[first[np.maximum(optics.table, 0)]]
+        nodes_of[..., :3] = np.stack((optics.table, finest["node"], finest["columns"]), axis=-1)
+        grid_of[..., :3] = np.stack([finest[name] for name in ("radius", "per_spacing", "middle")], axis=-1)
+        grid_of[..., 3] = np.reshape(equilibrium, (-1, 1))
+    return data, device_array(nodes_of, wp.vec4i, device, ndim=2), device_array(grid_of, wp.vec4, device, ndim=2)
