@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from otwarp.kernels.core import thread_rows
 from otwarp.kernels.core.features import Features
 from otwarp.simulation import composition, model, resolved
 from otwarp.simulation.drivers.world_scratch import keeps_contacts, many_in_phases, team_for
@@ -25,9 +26,15 @@ def take_gpu_forms(patch: pytest.MonkeyPatch) -> None:
 
     def compose(*args, **kwargs) -> Features:
         features = composed(*args, **kwargs)
-        return dataclasses.replace(features, phased=composition._takes_phases(features), cached=False)
+        return dataclasses.replace(
+            features,
+            phased=composition._takes_phases(features),
+            cached=False,
+            listed=composition._lists_traps(features),
+        )
 
     patch.setattr(resolved, "compose", compose)
+    patch.setattr(thread_rows, "LOCAL", thread_rows.ROWS)
     patch.setattr(composition, "_takes_lanes", lambda *about: False)
     patch.setattr(composition, "_takes_blocks", lambda *about: False)
     patch.setattr(model, "takes_turns", lambda *about: False)

@@ -85,6 +85,7 @@ def compose(
         vectors=vectors,
         cached=cached,
         phased=device.is_cuda and _takes_phases(f),
+        listed=device.is_cuda and _lists_traps(f),
     )
 
 
@@ -176,6 +177,12 @@ def _room_for_contacts(scene: Scene, pairs: bool) -> int:
 def _takes_lanes(f: Features) -> bool:
     """Whether a CPU draws noise in blocks: bodies on their own, and many-body scenes of lone spheres."""
     return not f.walls and (f.driver == "solo" or (_fills_blocks(f) and not f.rigid))
+
+
+def _lists_traps(f: Features) -> bool:
+    """Whether a GPU lists which traps may reach which spheres: of robots alone, where something can escape."""
+    alone = f.driver == "solo" and f.rigid and not f.spheres
+    return alone and f.escapes and f.keeps_aims and not f.inlet and f.precision == "float32"
 
 
 def _takes_blocks(f: Features) -> bool:

@@ -20,7 +20,8 @@ from otwarp.kernels.core.worlds import number_term
 from otwarp.kernels.cpu.rigid_block import kept_mobility_product, kick_at
 from otwarp.kernels.forces.table import active_forces
 from otwarp.kernels.forces.total import body_stiffness_total, body_total
-from otwarp.kernels.optics.trap_wrench import keeps_aims, kept_aims_term
+from otwarp.kernels.optics.aims import kept_aims_term
+from otwarp.kernels.optics.near_traps import strayed
 
 
 @wp.func
@@ -82,7 +83,7 @@ def mobility_term(f: Features) -> wp.Function:
 
 def rigid_constants_term(f: Features) -> wp.Function:
     """`(model, control, world, b) -> RigidConstants`."""
-    kept_aims = kept_aims_term(f) if keeps_aims(f) else None
+    kept_aims = kept_aims_term(f) if f.keeps_aims else None
 
     @wp.func
     def packed(m: mat66, row: int, column: int, scale: float) -> vec6:
@@ -116,7 +117,9 @@ def rigid_constants_term(f: Features) -> wp.Function:
                 for j in range(3):
                     body.coupling_root[i, j] = spread * root[i + 3, j]
             body.rotation_root = turning_root(body.coupling_root, body.rotation_root)
-        if wp.static(keeps_aims(f)):
+        if wp.static(f.listed):
+            body.bound = model.body.bound[b]
+        elif wp.static(f.keeps_aims):
             body = kept_aims(model, control, world, b, body)
         return body
 
@@ -232,8 +235,9 @@ def rigid_dynamics(f: Features) -> Dynamics:
 
     noise = rigid_noise_term(f)
     stiffness = rigid_stiffness_term(f)
-    # on a CPU two copies of the drift are faster than a loop
-    large = bool(f.trap_models) and not f.lanes
+    # on a CPU two copies of the drift are faster than a loop, and of that of a list
+    large = bool(f.trap_models) and not (f.lanes or f.listed)
     return Dynamics(
-        Pose, vec6, RigidConstants, mat66, drift, noise, shifted, pulled_back, stiffness, relax, f.leaps, large
+        Pose, vec6, RigidConstants, mat66, drift, noise, shifted, pulled_back, stiffness, relax, f.leaps, large,
+        strayed if f.listed else None,
     )  # fmt: skip

@@ -24,6 +24,8 @@ class Dynamics:
         relax: `(constants, pose, stiffness, move) -> move`, Z·v with Z = M K dt.
         early: Whether the second stage of a step looks a moment before its end, because commands may leap there.
         large: Whether the code of `drift` is so large that it should stand only once.
+        strayed: `(constants, move) -> constants` with which a second stage looks after `move`, where they hold near the
+            start of a step alone.
     """
 
     pose: type
@@ -38,3 +40,4 @@ class Dynamics:
     relax: wp.Function | None
     early: bool = False
     large: bool = False
+    strayed: wp.Function | None = None

@@ -23,6 +23,10 @@ FEW_TRAPS = 2
 BLOCK = 256
 """Threads of a block on CUDA."""
 
+KEPT_AIMS = 4
+"""Up to this many traps the loops over those of a body that turns are unrolled, and traps that stay where they are stay
+in registers."""
+
 TURNING_BLOCK = 64
 """The same where a thread steps a body that turns: few are spread over more multiprocessors, and more of them fit
 beside each other where each takes as many registers as a thread can have."""
@@ -104,6 +108,8 @@ class Features:
         cached: CPU form of the `world` driver: a thread has a cache to itself, so that constants of the bodies are read
             once a launch and not once a stage, and few contacts are solved for their forces.
         team: In phases, threads that share out a world, several where worlds are few; see `kernels.core.team`.
+        listed: GPU form of the `solo` driver for robots in traps of finite reach: which of these may reach which sphere
+            is known from a list; see `kernels.optics.near_traps`.
         lanes: CPU form of the `solo` driver and of the `grid` driver for lone spheres: noise in blocks, several
             bodies to a thread.
         blocks: CPU form of the `grid` driver where some bodies turn and others do not: noise of the latter in blocks.
@@ -148,6 +154,7 @@ class Features:
     phased: bool = False
     cached: bool = False
     team: int = 1
+    listed: bool = False
     lanes: bool = False
     blocks: bool = False
     vectors: bool = False
@@ -161,6 +168,11 @@ class Features:
     def still_traps(self) -> bool:
         """Whether they do not change within a launch at all."""
         return self.kept_traps and not self.gliding_traps
+
+    @property
+    def keeps_aims(self) -> bool:
+        """Whether where the traps are, or glide from, is known before a loop of steps: `RigidConstants` holds it."""
+        return self.kept_traps and 0 < self.traps <= KEPT_AIMS and not self.periodic
 
     @property
     def monitors(self) -> int:

@@ -83,6 +83,12 @@ class RigidConstants:
     rotation_root: vec6
     aims: wp.mat44  # equilibrium point [µm] and power [mW] of the first traps, where these stay where they are
     reaches: wp.vec4  # squared distance up to which they act [µm²]
+    # where `near_traps` lists which of them may reach which spheres
+    rows: wp.uint64  # address of what `thread_rows` keeps
+    bound: wp.float32  # radius of the bounding sphere [µm]
+    leeway: wp.float32  # how far points of the body may go until the list is made anew [µm]
+    pairs: wp.int32  # how many are listed
+    listed: wp.int32  # 0: all are to be looked at
     # of the `lanes` form
     kept: wp.uint64  # address of what `rigid_block` lays out
     kicks: wp.uint64  # where in a block of thermal moves, in the body's frame, that of step 0 would be

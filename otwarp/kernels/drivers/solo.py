@@ -4,10 +4,12 @@ import warp as wp
 
 from otwarp.kernels.bodies.bead import bead_constants_term
 from otwarp.kernels.bodies.rigid import angular_part, linear_part
+from otwarp.kernels.core import thread_rows
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import BODY_BLOCKS, FEW_TRAPS, TURNING_BLOCK, Features
 from otwarp.kernels.core.periodic import kept_in_cell
 from otwarp.kernels.core.step_constants import BeadConstants
+from otwarp.kernels.core.thread_rows import any_beside
 from otwarp.kernels.core.types import ControlData, ModelData, Pose, ReadoutData, StateData, TrapData
 from otwarp.kernels.core.worlds import living_world, own_step
 from otwarp.kernels.drivers.inlets import kept_in_domain_term
@@ -23,6 +25,7 @@ from otwarp.kernels.optics.escapes import (
     report_escape,
     start_monitor,
 )
+from otwarp.kernels.optics.near_traps import keep_aims_term, list_pairs_term
 from otwarp.kernels.optics.trap_command import kept_anchor_term
 
 
@@ -176,6 +179,7 @@ def make_body_step(f: Features) -> wp.Kernel:
     move_freely = whole_step(INTEGRATORS[f.integrator], dynamics)
     record_escapes = escape_term(f) if f.escapes else None
     kept_in_domain = kept_in_domain_term(f) if f.inlet else None
+    keep_aims, list_pairs = keep_aims_term(f), list_pairs_term(f)
 
     how = {"grid_stride": False, "launch_bounds": body_bounds(f), "module_options": f.module_options}
 
@@ -193,9 +197,19 @@ def make_body_step(f: Features) -> wp.Kernel:
         body = constants_of(model, control, world, b)
         bound = model.body.bound[b]
         leeway = float(0.0)
+        if wp.static(f.listed):
+            room = wp.zeros(shape=(thread_rows.LOCAL,), dtype=wp.vec4)
+            body.rows = thread_rows.rows_at(room)
+            keep_aims(model, control, body, world, b)
         for i in range(steps):
             step = start + wp.int64(i)
             time = wp.float64(step) * model.time_step
+            if wp.static(f.listed):
+                if any_beside(not body.leeway > 0.0):
+                    listed, pairs, free = list_pairs(model, control, body, world, b, pose, time)
+                    body.listed = listed
+                    body.pairs = pairs
+                    body.leeway = free
             move = move_freely(model, control, state, body, world, b, pose, step, time)
             if not finite(pose.position + linear_part(move) + angular_part(move)):
                 raise_fault(readout, world, b, wp.static(int(Fault.NON_FINITE)), step)
@@ -205,11 +219,14 @@ def make_body_step(f: Features) -> wp.Kernel:
             if wp.static(f.walls > 0):
                 pose.position = pose.position + out_of_walls(model.walls, b, pose)
             if wp.static(f.escapes):
-                # monitored closely only where something can be lost
-                leeway -= wp.length(pose.position - before.position) + bound * wp.length(angular_part(move))
+                way = wp.length(pose.position - before.position) + bound * wp.length(angular_part(move))
                 if wp.static(f.gliding_traps):
-                    leeway -= gliding_way(model, control, world)
-                if leeway <= 0.0:
+                    way += gliding_way(model, control, world)
+                if wp.static(f.listed):
+                    body.leeway -= way
+                # monitored closely only where something can be lost
+                leeway -= way
+                if any_beside(leeway <= 0.0):
                     arrival = step + wp.int64(1)
                     later = time + model.time_step
                     leeway = record_escapes(model, control, state, readout, world, b, before, pose, arrival, later)

@@ -10,8 +10,8 @@ from otwarp.kernels.core.step_constants import BeadConstants, Glide, TrapConstan
 from otwarp.kernels.core.types import ControlData, ModelData, StateData
 from otwarp.kernels.forces.force import Term
 from otwarp.kernels.forces.zeros import ZEROS
+from otwarp.kernels.optics.aims import reach_term
 from otwarp.kernels.optics.trap_command import anchor_of, piece_command_term, trap_command_term
-from otwarp.kernels.optics.trap_wrench import reach_term
 from otwarp.kernels.optics.traps import AUTHORED, anchored, glided, piece_terms, trap_force_term
 
 

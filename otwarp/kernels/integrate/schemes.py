@@ -35,6 +35,17 @@ def second_look(early: bool) -> wp.Function:
     return just_before_end if early else end_of_step
 
 
+def second_constants(d: Dynamics) -> wp.Function:
+    """`(constants, move) -> constants` of the second stage of a step."""
+
+    @wp.func
+    def unchanged(constants: d.constants, move: d.move) -> d.constants:
+        """The constants of the step [those of `d.constants`] wherever the first stage has led."""
+        return constants
+
+    return d.strayed or unchanged
+
+
 def predict_euler_maruyama(d: Dynamics) -> wp.Function:
     """x + a dt + σ ΔW."""
     drift_of, noise_of = d.drift, d.noise
@@ -72,7 +83,7 @@ def predict_leimkuhler_matthews(d: Dynamics) -> wp.Function:
 def correct_heun(d: Dynamics) -> wp.Function:
     """½ (a(x + moved) − a(x)) dt."""
     drift_of, shifted, pulled_back = d.drift, d.shifted, d.pulled_back
-    end_of = second_look(d.early)
+    end_of, second = second_look(d.early), second_constants(d)
 
     @wp.func
     def correct(
@@ -81,7 +92,7 @@ def correct_heun(d: Dynamics) -> wp.Function:
     ) -> d.move:  # fmt: skip
         """Half of what the drift changes [µm, rad] from the start of the step to its end."""
         there = shifted(pose, moved)
-        later = drift_of(model, control, state, constants, world, b, there, end_of(model, time))
+        later = drift_of(model, control, state, second(constants, moved), world, b, there, end_of(model, time))
         return 0.5 * (pulled_back(moved, later) - drift)
 
     return correct
@@ -134,7 +145,7 @@ def predict_exponential(d: Dynamics) -> wp.Function:
 def correct_exponential(d: Dynamics) -> wp.Function:
     """φ₂(−Z) ((a(x + moved) − a(x)) dt + Z moved): what the force differs from a linear one, as Heun would add it."""
     drift_of, shifted, pulled_back, stiffness_of, relax = d.drift, d.shifted, d.pulled_back, d.stiffness, d.relax
-    end_of = second_look(d.early)
+    end_of, second = second_look(d.early), second_constants(d)
     _, _, twice = exponential_terms(d)
 
     @wp.func
@@ -145,7 +156,7 @@ def correct_exponential(d: Dynamics) -> wp.Function:
         """φ₂(−Z) times the residual drift at the end of the step [µm, rad]."""
         stiffness = stiffness_of(model, control, state, constants, world, b, pose, time)
         there = shifted(pose, moved)
-        later = drift_of(model, control, state, constants, world, b, there, end_of(model, time))
+        later = drift_of(model, control, state, second(constants, moved), world, b, there, end_of(model, time))
         residual = pulled_back(moved, later) - drift + relax(constants, pose, stiffness, moved)
         return 0.5 * twice(constants, pose, stiffness, residual)
 
@@ -155,7 +166,7 @@ def correct_exponential(d: Dynamics) -> wp.Function:
 def exponential_at_once(d: Dynamics) -> wp.Function:
     """Both stages of the exponential step, with one look at the stiffness."""
     drift_of, noise_of, shifted, pulled_back = d.drift, d.noise, d.shifted, d.pulled_back
-    end_of = second_look(d.early)
+    end_of, second = second_look(d.early), second_constants(d)
     stiffness_of, relax = d.stiffness, d.relax
     mean, spread, twice = exponential_terms(d)
 
@@ -170,7 +181,7 @@ def exponential_at_once(d: Dynamics) -> wp.Function:
         noise = noise_of(model, constants, world, b, pose, step)
         move = mean(constants, pose, stiffness, drift) + spread(constants, pose, stiffness, noise)
         there = shifted(pose, move)
-        later = drift_of(model, control, state, constants, world, b, there, end_of(model, time))
+        later = drift_of(model, control, state, second(constants, move), world, b, there, end_of(model, time))
         residual = pulled_back(move, later) - drift + relax(constants, pose, stiffness, move)
         return move + 0.5 * twice(constants, pose, stiffness, residual)
 
@@ -183,7 +194,7 @@ def heun_in_a_loop(d: Dynamics) -> wp.Function:
     On a GPU two copies of a robot's forces run out of instruction cache.
     """
     drift_of, noise_of, shifted, pulled_back = d.drift, d.noise, d.shifted, d.pulled_back
-    end_of = second_look(d.early)
+    end_of, second = second_look(d.early), second_constants(d)
 
     @wp.func
     def move_freely(
@@ -202,6 +213,7 @@ def heun_in_a_loop(d: Dynamics) -> wp.Function:
                 move += drift
                 here = shifted(pose, move)
                 time = end_of(model, time)
+                constants = second(constants, move)
             else:
                 move += 0.5 * (pulled_back(move, drift) - first)
         return move

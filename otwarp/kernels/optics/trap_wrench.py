@@ -2,71 +2,24 @@
 
 import warp as wp
 
-from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.packed import beside, point_of, power_of, radius_of
-from otwarp.kernels.core.periodic import image_shift
+from otwarp.kernels.core.features import KEPT_AIMS, Features
+from otwarp.kernels.core.packed import point_of, radius_of
 from otwarp.kernels.core.reads import index_at, vec4_at
 from otwarp.kernels.core.rotation import rotation_matrix
 from otwarp.kernels.core.step_constants import RigidConstants
 from otwarp.kernels.core.team import team_of
-from otwarp.kernels.core.types import Aim, ControlData, ModelData, Pose, StateData, Wrench, mat66, world_row
+from otwarp.kernels.core.types import Aim, ControlData, ModelData, Pose, StateData, Wrench, mat66
 from otwarp.kernels.cpu.rigid_block import AIMS, SPHERES
 from otwarp.kernels.cpu.table_block import address_of_aims, table_wrench_term
-from otwarp.kernels.optics.trap_command import anchor_of, trap_command_term
+from otwarp.kernels.optics.aims import aim_term, kept_aim
+from otwarp.kernels.optics.near_traps import listed_wrench_term
 from otwarp.kernels.optics.traps import (
     LAYER_NAMES,
-    commanded_still,
     glide_of,
     glided,
     table_name,
     trap_force_term,
 )
-
-
-def reach_term(f: Features) -> wp.Function:
-    """`(model, world, trap, largest) -> reach` of a trap on spheres up to a radius, from its equilibrium point [µm]."""
-    split = any(m.endswith("split") for m in f.trap_models)
-
-    @wp.func
-    def reach_of(model: ModelData, world: int, trap: int, largest: float) -> float:
-        """Reach [µm] from the equilibrium point: the larger cutoff, scaled to spheres of radius `largest` [µm]."""
-        reach = model.traps.cutoff[world_row(model.traps.cutoff.shape[0], world), trap]
-        if wp.static(split):
-            axial = model.traps.axial_cutoff[world_row(model.traps.axial_cutoff.shape[0], world), trap]
-            reach = wp.max(reach, axial)
-        if model.traps.law_radius[trap] > 0.0:
-            reach *= largest / model.traps.law_radius[trap]
-        return reach
-
-    return reach_of
-
-
-KEPT_AIMS = 4
-"""Up to this many traps the loops over them are unrolled, and traps that stay where they are stay in registers."""
-
-
-def aim_term(f: Features) -> wp.Function:
-    """`(model, control, state, world, b, pose, trap, time) -> Aim`: where a trap is, and whether it reaches a body."""
-    trap_command = trap_command_term(f, stage=True)
-    reach_of = reach_term(f)
-
-    @wp.func
-    def aim(
-        model: ModelData, control: ControlData, state: StateData, world: int, b: int, pose: Pose, trap: int,
-        time: wp.float64,
-    ) -> Aim:  # fmt: skip
-        """Equilibrium point [µm], power [mW] and squared reach [µm²], which is 0 if the trap is dark or too far."""
-        command = trap_command(model, control, state, world, trap, time)
-        anchor = anchor_of(model, trap, command)
-        if wp.static(f.periodic):
-            anchor += image_shift(model.period, anchor - pose.position)
-        reach = reach_of(model, world, trap, model.body.largest[b])
-        near = reach + model.body.bound[b]
-        away2 = wp.length_sq(pose.position - anchor)
-        power = power_of(command)
-        return Aim(anchor, power, wp.where(away2 < near * near and power > 0.0, reach * reach, 0.0))
-
-    return aim
 
 
 def pull_term(f: Features) -> wp.Function:
@@ -88,36 +41,6 @@ def pull_term(f: Features) -> wp.Function:
     return pulled
 
 
-def keeps_aims(f: Features) -> bool:
-    """Whether where the traps are, or glide from, is known before a loop of steps: `RigidConstants` holds it then."""
-    return f.kept_traps and 0 < f.traps <= KEPT_AIMS and not f.periodic
-
-
-@wp.func
-def kept_aim(body: RigidConstants, trap: int) -> Aim:
-    """Equilibrium point [µm], power [mW] and squared reach [µm²] of a trap at rest, from registers."""
-    row = body.aims[trap]
-    return Aim(point_of(row), power_of(row), body.reaches[trap])
-
-
-def kept_aims_term(f: Features) -> wp.Function:
-    """`(model, control, world, b, body) -> RigidConstants` with the aims of all traps."""
-    reach_of = reach_term(f)
-
-    @wp.func
-    def kept_aims(model: ModelData, control: ControlData, world: int, b: int, body: RigidConstants) -> RigidConstants:
-        """Constants with equilibrium points [µm], powers [mW] and squared reaches [µm²] of all traps."""
-        for trap in range(wp.static(f.traps)):
-            command = commanded_still(model.traps, control, world, trap, wp.float64(0.0))
-            anchor = anchor_of(model, trap, command)
-            body.aims[trap] = beside(anchor, power_of(command))
-            reach = reach_of(model, world, trap, model.body.largest[b])
-            body.reaches[trap] = wp.where(power_of(command) > 0.0, reach * reach, 0.0)
-        return body
-
-    return kept_aims
-
-
 def blocked_table(f: Features) -> tuple[int, bool] | None:
     """Layers of the tables, and whether all beams are upright, where a CPU has their forces from `table_block`."""
     if not f.lanes or len(f.trap_models) != 1:
@@ -133,7 +56,7 @@ def blocked_table(f: Features) -> tuple[int, bool] | None:
 def blocked_wrench_term(f: Features, layers: int, upright: bool) -> wp.Function:
     """`trap_wrench_term` of bilinear tables in the lanes of a CPU."""
     aim_at = aim_term(f)
-    aims_are_kept = keeps_aims(f) and f.still_traps
+    aims_are_kept = f.keeps_aims and f.still_traps
     table_wrench = table_wrench_term(f.traps, layers, upright)
 
     @wp.func
@@ -160,9 +83,8 @@ def blocked_wrench_term(f: Features, layers: int, upright: bool) -> wp.Function:
             model.body.trapped_start[b + 1],
             model.traps.axis,
             model.traps.side,
-            model.traps.equilibrium,
-            model.traps.table,
-            model.traps.finest,
+            model.traps.near_nodes,
+            model.traps.near_grid,
             model.traps.tables.node,
             model.traps.tables.level_start,
             model.traps.tables.level,
@@ -251,7 +173,9 @@ def trap_wrench_term(f: Features) -> wp.Function:
     blocked = blocked_table(f)
     if blocked is not None:
         return blocked_wrench_term(f, *blocked)
-    aims_are_kept = keeps_aims(f)
+    if f.listed:
+        return listed_wrench_term(f)
+    aims_are_kept = f.keeps_aims
     place_aims, pull_of_kept, pull_of_aims = place_aims_term(f), pull_of_kept_term(f), pull_of_aims_term(f)
     size_of, lane_of, value_of = team_of(f).size, team_of(f).lane, team_of(f).value
 
