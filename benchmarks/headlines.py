@@ -40,7 +40,7 @@ class Headline:
     first: str = ""
 
 
-RATE = {"one CPU core": ("cpu", "rate"), "H100": ("cuda", "rate"), "unit": ("cpu", "unit")}
+RATE = {"one CPU core": ("cpu", "rate"), "H200": ("cuda", "rate"), "unit": ("cpu", "unit")}
 TERMS = (
     "Brownian noise",
     "harmonic trap",
