@@ -19,6 +19,11 @@ EVERYTHING = Features(
 SOFT_CROWD = dataclasses.replace(BASE, driver="grid", bodies=30, pairs=True, soft_contacts=True)
 """Spheres whose contacts are soft."""
 
+HELD_ROBOT = dataclasses.replace(
+    BASE, rigid=True, spheres=False, traps=3, trap_models=("harmonic_isotropic",), escapes=True, integrator="heun"
+)
+"""A robot that traps can lose."""
+
 CASES: dict[str, tuple[Features, Features, tuple[str, ...]]] = {
     # term: (with it, without it, functions that only it needs)
     "brownian": (BASE, dataclasses.replace(BASE, brownian=False), ("philox", "gaussian_pair", "noise_words")),
@@ -272,6 +277,11 @@ CASES: dict[str, tuple[Features, Features, tuple[str, ...]]] = {
         dataclasses.replace(BASE, lanes=True, vectors=True),
         dataclasses.replace(BASE, lanes=True),
         ("step_together", "same_bits", "lay_out"),
+    ),
+    "listed traps": (
+        dataclasses.replace(HELD_ROBOT, listed=True),
+        HELD_ROBOT,
+        ("list_pairs", "keep_aims", "listed_wrench", "strayed"),
     ),
     "contacts in local arrays": (dataclasses.replace(EVERYTHING, keeps=True), EVERYTHING, ("list_of",)),
     "constants for a launch": (

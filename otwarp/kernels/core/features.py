@@ -31,8 +31,9 @@ TURNING_BLOCK = 64
 """The same where a thread steps a body that turns: few are spread over more multiprocessors, and more of them fit
 beside each other where each takes as many registers as a thread can have."""
 
-BODY_BLOCKS = 8
-"""Blocks of bodies that turn which a multiprocessor is to hold: 128 registers a thread, in place of 255."""
+BODY_BLOCKS, FEW_BODY_BLOCKS = 8, 6
+"""Blocks of bodies that turn, and of worlds of few bodies, which a multiprocessor is to hold: 128 and 168 registers a
+thread, in place of 255."""
 
 GRID_WORLD_BODIES = 512
 """Bodies, and what collides of them, up to which a block of threads steps a world of the grid driver by itself."""
@@ -187,10 +188,27 @@ class Features:
     @property
     def module_options(self) -> dict[str, Any]:
         """How Warp compiles the step."""
-        block = TURNING_BLOCK if self.driver == "solo" and self.rigid else BLOCK
+        block = BLOCK if self.blocks_held is None else TURNING_BLOCK
         if self.by_world:
             block = WORLD_BLOCK
         return {"fast_math": self.fast_math, "cpu_compiler_flags": CPU_FLAGS, "block_dim": block}
+
+    @property
+    def blocks_held(self) -> int | None:
+        """Blocks of `TURNING_BLOCK` threads that a multiprocessor is to hold, or None where blocks are larger."""
+        if self.driver == "solo" and self.rigid:
+            return BODY_BLOCKS
+        return FEW_BODY_BLOCKS if self.driver == "world" and not self.coupling else None
+
+    @property
+    def launch_bounds(self) -> tuple[int, ...] | None:
+        """What a kernel of one thread a body or world is compiled for: threads of a block, and how many blocks are to
+        fit; float64 and exact forces need all registers."""
+        if self.blocks_held is None:
+            return None
+        exact = any(name.startswith("exact_") for name in self.trap_models)
+        whole = exact or self.precision == "float64"
+        return (TURNING_BLOCK,) if whole else (TURNING_BLOCK, self.blocks_held)
 
     @property
     def contacts(self) -> bool:

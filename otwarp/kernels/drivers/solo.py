@@ -6,7 +6,7 @@ from otwarp.kernels.bodies.bead import bead_constants_term
 from otwarp.kernels.bodies.rigid import angular_part, linear_part
 from otwarp.kernels.core import thread_rows
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
-from otwarp.kernels.core.features import BODY_BLOCKS, FEW_TRAPS, TURNING_BLOCK, Features
+from otwarp.kernels.core.features import FEW_TRAPS, Features
 from otwarp.kernels.core.periodic import kept_in_cell
 from otwarp.kernels.core.step_constants import BeadConstants
 from otwarp.kernels.core.thread_rows import any_beside
@@ -166,12 +166,6 @@ def make_bead_step(f: Features) -> wp.Kernel:
     return bead_step
 
 
-def body_bounds(f: Features) -> tuple[int, ...]:
-    """Threads of a block on CUDA, and how many blocks are to fit; float64 and exact forces need all registers."""
-    exact = any(name.startswith("exact_") for name in f.trap_models)
-    return (TURNING_BLOCK,) if exact or f.precision == "float64" else (TURNING_BLOCK, BODY_BLOCKS)
-
-
 def make_body_step(f: Features) -> wp.Kernel:
     """Step for bodies of which some rotate."""
     place_of = place_term(f)
@@ -181,7 +175,7 @@ def make_body_step(f: Features) -> wp.Kernel:
     kept_in_domain = kept_in_domain_term(f) if f.inlet else None
     keep_aims, list_pairs = keep_aims_term(f), list_pairs_term(f)
 
-    how = {"grid_stride": False, "launch_bounds": body_bounds(f), "module_options": f.module_options}
+    how = {"grid_stride": False, "launch_bounds": f.launch_bounds, "module_options": f.module_options}
 
     @wp.kernel(module="unique", enable_backward=False, **how)
     def body_step(

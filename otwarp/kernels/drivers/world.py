@@ -255,7 +255,9 @@ def make_step_of(f: Features, stages: Stages) -> wp.Kernel:
     list_in, load_bodies, store_bodies = list_in_term(f), load_bodies_term(f), store_bodies_term(f)
     keep_constants = keep_constants_term(f) if f.cached else None
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=f.module_options)
+    how = {"grid_stride": False, "launch_bounds": f.launch_bounds, "module_options": f.module_options}
+
+    @wp.kernel(module="unique", enable_backward=False, **how)
     def world_step(
         model: ModelData, control: ControlData, state: StateData, readout: ReadoutData, scratch: WorldScratch,
         spread: int, shared_row: int, first_world: int, first_step: wp.int64, steps: int,

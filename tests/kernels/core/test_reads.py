@@ -3,7 +3,16 @@
 import numpy as np
 import warp as wp
 
-from otwarp.kernels.core.reads import index_at, mat66_at, number_at, put_strided_vec4, strided_vec4_at, vec4_at
+from otwarp.kernels.core.reads import (
+    index_at,
+    mat66_at,
+    number_at,
+    put_strided_vec4,
+    strided_vec4_at,
+    vec4_at,
+    vec4_of,
+    vec4i_of,
+)
 from otwarp.kernels.core.types import mat66
 
 
@@ -64,3 +73,26 @@ def test_matrices_are_those_of_numpy(device):
     rows, out = (wp.array(n, dtype=mat66, device=device) for n in (numbers, np.zeros_like(numbers)))
     wp.launch(copy_matrices, dim=5, inputs=[rows], outputs=[out], device=device)
     np.testing.assert_array_equal(out.numpy(), numbers)
+
+
+@wp.kernel(enable_backward=False)
+def read_fours(
+    rows: wp.array2d(dtype=wp.vec4), indices: wp.array2d(dtype=wp.vec4i), row: wp.array2d(dtype=wp.vec4),
+    index: wp.array2d(dtype=wp.vec4i),
+):  # fmt: skip
+    """Copy two tables of fours."""
+    i, j = wp.tid()
+    row[i, j] = vec4_of(rows, i, j)
+    index[i, j] = vec4i_of(indices, i, j)
+
+
+def test_fours_of_a_table(device):
+    rng = np.random.default_rng(5)
+    given = [
+        wp.array(rng.normal(size=(6, 7, 4)).astype(np.float32), dtype=wp.vec4, device=device),
+        wp.array(rng.integers(-9, 1 << 30, (6, 7, 4)).astype(np.int32), dtype=wp.vec4i, device=device),
+    ]
+    out = [wp.zeros_like(array) for array in given]
+    wp.launch(read_fours, dim=(6, 7), inputs=given, outputs=out, device=device)
+    for array, expected in zip(out, given, strict=True):
+        np.testing.assert_array_equal(array.numpy(), expected.numpy())
