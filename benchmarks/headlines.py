@@ -109,7 +109,7 @@ HEADLINES = (
         "What a term costs where it is; nothing where it is not [ns per body-step]",
         "terms",
         "Cost of each term",
-        {"one CPU core": ("cpu", "cost"), "H100": ("cuda", "cost")},
+        {"one CPU core": ("cpu", "cost"), "H200": ("cuda", "cost")},
         {name: name for name in TERMS},
         "term",
     ),
@@ -142,7 +142,7 @@ HEADLINES = (
         "Two robots that squeeze a cell, and the same bodies apart [simulated seconds per second, all worlds together]",
         "contact",
         "One step",
-        {"one CPU core": ("cpu", "worlds × real time"), "H100": ("cuda", "worlds × real time")},
+        {"one CPU core": ("cpu", "worlds × real time"), "H200": ("cuda", "worlds × real time")},
         {
             f"{about}, {worlds} world{'s' * (worlds != '1')}": f"`{name}` | {worlds}"
             for worlds in ("1", "131,072")

@@ -219,7 +219,7 @@ INTEGRATORS: dict[str, Integrator] = {
 
 def whole_step(scheme: Integrator, d: Dynamics) -> wp.Function:
     """`(model, control, state, constants, world, b, pose, step, time) -> move` of a body that touches nothing."""
-    if scheme.correct is correct_heun and d.large:
+    if scheme.correct is correct_heun and d.large and d.strayed is None:
         return heun_in_a_loop(d)
     if scheme.correct is correct_exponential:
         return exponential_at_once(d)

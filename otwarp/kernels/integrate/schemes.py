@@ -194,7 +194,7 @@ def heun_in_a_loop(d: Dynamics) -> wp.Function:
     On a GPU two copies of a robot's forces run out of instruction cache.
     """
     drift_of, noise_of, shifted, pulled_back = d.drift, d.noise, d.shifted, d.pulled_back
-    end_of, second = second_look(d.early), second_constants(d)
+    end_of = second_look(d.early)
 
     @wp.func
     def move_freely(
@@ -213,7 +213,6 @@ def heun_in_a_loop(d: Dynamics) -> wp.Function:
                 move += drift
                 here = shifted(pose, move)
                 time = end_of(model, time)
-                constants = second(constants, move)
             else:
                 move += 0.5 * (pulled_back(move, drift) - first)
         return move
