@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from otwarp.kernels.core import thread_rows
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.optics import thread_rows
 from otwarp.simulation import composition, model, resolved
 from otwarp.simulation.drivers.world_scratch import keeps_contacts, many_in_phases, team_for
 

@@ -119,16 +119,16 @@ CASES: dict[str, tuple[Features, Features, tuple[str, ...]]] = {
         EVERYTHING,
         ("let_all_in", "entry_place", "has_left", "clear_of_obstacles"),
     ),
-    "inlet of beads": (dataclasses.replace(BASE, inlet=True), BASE, ("kept_in_domain", ").inlets)")),
+    "inlet of beads": (dataclasses.replace(BASE, inlet=True), BASE, ("kept_in_space", ").inlets)")),
     "inlet of beads, on a CPU": (
         dataclasses.replace(BASE, inlet=True, lanes=True),
         dataclasses.replace(BASE, lanes=True),
-        ("kept_in_domain",),
+        ("kept_in_space",),
     ),
     "inlet of bodies that turn": (
         dataclasses.replace(BASE, rigid=True, spheres=False, inlet=True),
         dataclasses.replace(BASE, rigid=True, spheres=False),
-        ("kept_in_domain",),
+        ("kept_in_space",),
     ),
     "grid inlet": (
         dataclasses.replace(EVERYTHING, driver="grid", bodies=30, inlet=True),

@@ -11,6 +11,5 @@ In: nothing of the other rooms. Out:
     keyframes, worlds, team                         samples in time; worlds with clocks of their own; who steps one
     cells, periodic, recycling                      space: neighbours, what repeats, inlets and outlets
     faults, reads, rounding                         what went wrong, reading past caches, how finely numbers round
-    thread_rows                                     what a thread keeps in shared memory
     functions, precision                            functions from outside and from text; float64 kernels from float32
 """

@@ -9,7 +9,7 @@ import warp as wp
 from otwarp.kernels.contact.obstacles import distance_term, moving_pose, still_pose
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.packed import distance_of
-from otwarp.kernels.core.periodic import nearest
+from otwarp.kernels.core.periodic import kept_in_cell, nearest
 from otwarp.kernels.core.recycling import TRIES, entry_place, has_left
 from otwarp.kernels.core.types import ModelData, ReadoutData, StateData
 from otwarp.kernels.core.worlds import number_term
@@ -34,22 +34,25 @@ def count_entry_term(f: Features) -> wp.Function:
     return count_entry
 
 
-def kept_in_domain_term(f: Features) -> wp.Function:
+def kept_in_space_term(f: Features) -> wp.Function:
     """`(model, state, readout, world, b, position, step) -> vec3` for bodies that touch nothing."""
     number, count_entry = number_term(f), count_entry_term(f)
 
     @wp.func
-    def kept_in_domain(
+    def kept_in_space(
         model: ModelData, state: StateData, readout: ReadoutData, world: int, b: int, position: wp.vec3, step: wp.int64
     ) -> wp.vec3:
-        """Where body b [µm] is when the step arrives at `step`: in the inlet if it has left, else where it was."""
+        """Where body b [µm] is when the step arrives at `step`: in the periodic cell; in the inlet if it has left."""
         place = position
-        if has_left(model, b, position):
-            place = entry_place(model, number(model, world), b, step, 0)
-            count_entry(state, readout, world, b)
+        if wp.static(f.periodic):
+            place = kept_in_cell(model, state, world, b, place)
+        if wp.static(f.inlet):
+            if has_left(model, b, place):
+                place = entry_place(model, number(model, world), b, step, 0)
+                count_entry(state, readout, world, b)
         return place
 
-    return kept_in_domain
+    return kept_in_space
 
 
 def clear_of_obstacles_term(f: Features) -> wp.Function:

@@ -11,11 +11,10 @@ import warp as wp
 from otwarp.kernels.bodies.bead import bead_constants_term, bead_dynamics
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import CPU_FLAGS, Features
-from otwarp.kernels.core.periodic import kept_in_cell
 from otwarp.kernels.core.types import ControlData, ModelData, Pose, ReadoutData, StateData
 from otwarp.kernels.core.worlds import number_term, start_term, world_term, worlds_term
 from otwarp.kernels.cpu.noise_block import BLOCK, address_of, before_step, noise_block_term
-from otwarp.kernels.drivers.inlets import kept_in_domain_term
+from otwarp.kernels.drivers.inlets import kept_in_space_term
 from otwarp.kernels.drivers.lane_groups import (
     GROUP,
     BeadLane,
@@ -181,7 +180,7 @@ def advance_lane_term(f: Features) -> wp.Function:
     monitors = f.monitors
     look = look_term(f)
     record_escapes = escape_term(f) if f.escapes and not monitors else None
-    kept_in_domain = kept_in_domain_term(f) if f.inlet else None
+    kept_in_space = kept_in_space_term(f)
 
     @wp.func
     def advance(
@@ -211,11 +210,8 @@ def advance_lane_term(f: Features) -> wp.Function:
                     reached = Pose(moved, wp.quat_identity())
                     later = time + model.time_step
                     record_escapes(model, control, state, readout, world, b, left, reached, step + wp.int64(1), later)
-                if wp.static(f.periodic):
-                    lanes[g].position = kept_in_cell(model, state, world, b, moved)
-                if wp.static(f.inlet):
-                    arrived = lanes[g].position
-                    lanes[g].position = kept_in_domain(model, state, readout, world, b, arrived, step + wp.int64(1))
+                if wp.static(f.periodic or f.inlet):
+                    lanes[g].position = kept_in_space(model, state, readout, world, b, moved, step + wp.int64(1))
             else:
                 raise_fault(readout, world, b, wp.static(int(Fault.NON_FINITE)), step)
                 lanes[g].until = k

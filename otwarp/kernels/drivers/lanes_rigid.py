@@ -10,17 +10,16 @@ from otwarp.kernels.bodies.rotational_noise import PART
 from otwarp.kernels.core.dynamics import Dynamics
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.periodic import kept_in_cell
 from otwarp.kernels.core.step_constants import BodyConstants, RigidConstants
 from otwarp.kernels.core.types import ControlData, ModelData, Pose, ReadoutData, StateData
 from otwarp.kernels.core.worlds import number_term, start_term, world_term, worlds_term
 from otwarp.kernels.cpu.noise_block import BLOCK, address_of, before_step, noise_block_term
 from otwarp.kernels.cpu.rigid_block import KEPT, keep, make_kicks
-from otwarp.kernels.drivers.inlets import kept_in_domain_term
+from otwarp.kernels.drivers.inlets import kept_in_space_term
 from otwarp.kernels.drivers.lane_groups import GROUP, draws_blocks, fresh_steps, from_start, view_term
 from otwarp.kernels.integrate.body import body_dynamics
 from otwarp.kernels.integrate.integrators import INTEGRATORS, whole_step
-from otwarp.kernels.optics.escapes import escape_term, gliding_way
+from otwarp.kernels.optics.escapes import escape_term, way_term
 
 
 def body_lane(constants: type) -> type:
@@ -173,8 +172,8 @@ def body_advance_term(f: Features, dynamics: Dynamics, lane_type: type) -> wp.Fu
     """`(model, control, state, readout, lanes, g, world, b, first, k)`: step k of lane g."""
     move_freely = whole_step(INTEGRATORS[f.integrator], dynamics)
     moved_by = dynamics.shifted
-    record_escapes = escape_term(f) if f.escapes else None
-    kept_in_domain = kept_in_domain_term(f) if f.inlet else None
+    record_escapes, way_of = (escape_term(f), way_term(f)) if f.escapes else (None, None)
+    kept_in_space = kept_in_space_term(f)
 
     @wp.func
     def advance(
@@ -191,21 +190,18 @@ def body_advance_term(f: Features, dynamics: Dynamics, lane_type: type) -> wp.Fu
                 there = moved_by(here, move)
                 lanes[g].pose = there
                 if wp.static(f.escapes):
-                    turned = model.body.bound[b] * wp.length(angular_part(move))
-                    leeway = lanes[g].leeway - wp.length(there.position - here.position) - turned
-                    if wp.static(f.gliding_traps):
-                        leeway -= gliding_way(model, control, world)
+                    moved = there.position - here.position
+                    way = way_of(model, control, world, moved, angular_part(move), model.body.bound[b])
+                    leeway = lanes[g].leeway - way
                     # monitored closely only where something can be lost
                     if leeway <= 0.0:
                         arrival = step + wp.int64(1)
                         later = time + model.time_step
                         leeway = record_escapes(model, control, state, readout, world, b, here, there, arrival, later)
                     lanes[g].leeway = leeway
-                if wp.static(f.periodic):
-                    lanes[g].pose.position = kept_in_cell(model, state, world, b, there.position)
-                if wp.static(f.inlet):
-                    at = lanes[g].pose.position
-                    lanes[g].pose.position = kept_in_domain(model, state, readout, world, b, at, step + wp.int64(1))
+                if wp.static(f.periodic or f.inlet):
+                    arrived = step + wp.int64(1)
+                    lanes[g].pose.position = kept_in_space(model, state, readout, world, b, there.position, arrived)
             else:
                 raise_fault(readout, world, b, wp.static(int(Fault.NON_FINITE)), step)
                 lanes[g].until = k

@@ -4,28 +4,27 @@ import warp as wp
 
 from otwarp.kernels.bodies.bead import bead_constants_term
 from otwarp.kernels.bodies.rigid import angular_part, linear_part
-from otwarp.kernels.core import thread_rows
 from otwarp.kernels.core.faults import Fault, finite, raise_fault
 from otwarp.kernels.core.features import FEW_TRAPS, Features
-from otwarp.kernels.core.periodic import kept_in_cell
 from otwarp.kernels.core.step_constants import BeadConstants
-from otwarp.kernels.core.thread_rows import any_beside
 from otwarp.kernels.core.types import ControlData, ModelData, Pose, ReadoutData, StateData, TrapData
 from otwarp.kernels.core.worlds import living_world, own_step
-from otwarp.kernels.drivers.inlets import kept_in_domain_term
+from otwarp.kernels.drivers.inlets import kept_in_space_term
 from otwarp.kernels.forces.traps import next_pieces_term, takes_pieces
 from otwarp.kernels.hydrodynamics.walls import out_of_walls, sphere_dynamics
 from otwarp.kernels.integrate.body import body_dynamics
 from otwarp.kernels.integrate.integrators import INTEGRATORS, whole_step
+from otwarp.kernels.optics import thread_rows
 from otwarp.kernels.optics.escapes import (
     EscapeMonitor,
     escape_term,
-    gliding_way,
     monitor_term,
     report_escape,
     start_monitor,
+    way_term,
 )
 from otwarp.kernels.optics.near_traps import keep_aims_term, list_pairs_term
+from otwarp.kernels.optics.thread_rows import any_beside
 from otwarp.kernels.optics.trap_command import kept_anchor_term
 
 
@@ -112,7 +111,7 @@ def make_bead_step(f: Features) -> wp.Kernel:
     next_pieces = next_pieces_term(f)
     place_of, start_monitors, look = place_term(f), start_monitors_term(f), look_term(f)
     record_escapes = escape_term(f) if f.escapes and not monitor else None
-    kept_in_domain = kept_in_domain_term(f) if f.inlet else None
+    kept_in_space = kept_in_space_term(f)
 
     # one thread per body: Warp's loop over more bodies than threads would cost registers and 5 % of the speed
     @wp.kernel(module="unique", enable_backward=False, grid_stride=False, module_options=f.module_options)
@@ -152,10 +151,8 @@ def make_bead_step(f: Features) -> wp.Kernel:
                     model, control, state, readout, world, b, before, pose, step + wp.int64(1), time + model.time_step
                 )
             position = moved
-            if wp.static(f.periodic):
-                position = kept_in_cell(model, state, world, b, position)
-            if wp.static(f.inlet):
-                position = kept_in_domain(model, state, readout, world, b, position, step + wp.int64(1))
+            if wp.static(f.periodic or f.inlet):
+                position = kept_in_space(model, state, readout, world, b, position, step + wp.int64(1))
         state.position[world, b] = position
         if wp.static(monitor):
             monitors = look(model, bead, monitors, world, position, start, taken)
@@ -168,12 +165,11 @@ def make_bead_step(f: Features) -> wp.Kernel:
 
 def make_body_step(f: Features) -> wp.Kernel:
     """Step for bodies of which some rotate."""
-    place_of = place_term(f)
     constants_of, dynamics = body_dynamics(f)
+    place_of, moved_by = place_term(f), dynamics.shifted
     move_freely = whole_step(INTEGRATORS[f.integrator], dynamics)
-    record_escapes = escape_term(f) if f.escapes else None
-    kept_in_domain = kept_in_domain_term(f) if f.inlet else None
-    keep_aims, list_pairs = keep_aims_term(f), list_pairs_term(f)
+    record_escapes, way_of = (escape_term(f), way_term(f)) if f.escapes else (None, None)
+    keep_aims, list_pairs, kept_in_space = keep_aims_term(f), list_pairs_term(f), kept_in_space_term(f)
 
     how = {"grid_stride": False, "launch_bounds": f.launch_bounds, "module_options": f.module_options}
 
@@ -213,9 +209,7 @@ def make_body_step(f: Features) -> wp.Kernel:
             if wp.static(f.walls > 0):
                 pose.position = pose.position + out_of_walls(model.walls, b, pose)
             if wp.static(f.escapes):
-                way = wp.length(pose.position - before.position) + bound * wp.length(angular_part(move))
-                if wp.static(f.gliding_traps):
-                    way += gliding_way(model, control, world)
+                way = way_of(model, control, world, pose.position - before.position, angular_part(move), bound)
                 if wp.static(f.listed):
                     body.leeway -= way
                 # monitored closely only where something can be lost
@@ -224,12 +218,9 @@ def make_body_step(f: Features) -> wp.Kernel:
                     arrival = step + wp.int64(1)
                     later = time + model.time_step
                     leeway = record_escapes(model, control, state, readout, world, b, before, pose, arrival, later)
-            if wp.static(f.periodic):
-                pose.position = kept_in_cell(model, state, world, b, pose.position)
-            if wp.static(f.inlet):
-                pose.position = kept_in_domain(model, state, readout, world, b, pose.position, step + wp.int64(1))
+            if wp.static(f.periodic or f.inlet):
+                pose.position = kept_in_space(model, state, readout, world, b, pose.position, step + wp.int64(1))
         state.position[world, b] = pose.position
         state.orientation[world, b] = pose.rotation
 
-    moved_by = dynamics.shifted
     return body_step

@@ -254,7 +254,6 @@ def make_step_of(f: Features, stages: Stages) -> wp.Kernel:
     take_step, world_of = take_step_term(f, stages), world_of_thread_term(f)
     list_in, load_bodies, store_bodies = list_in_term(f), load_bodies_term(f), store_bodies_term(f)
     keep_constants = keep_constants_term(f) if f.cached else None
-
     how = {"grid_stride": False, "launch_bounds": f.launch_bounds, "module_options": f.module_options}
 
     @wp.kernel(module="unique", enable_backward=False, **how)

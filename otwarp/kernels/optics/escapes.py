@@ -71,6 +71,20 @@ def gliding_way(model: ModelData, control: ControlData, world: int) -> float:
     return fastest * wp.float32(model.time_step)
 
 
+def way_term(f: Features) -> wp.Function:
+    """`(model, control, world, moved, turned, bound) -> float`: how far a body and a trap come apart at most."""
+
+    @wp.func
+    def way(model: ModelData, control: ControlData, world: int, moved: wp.vec3, turned: wp.vec3, bound: float) -> float:
+        """Way [µm] of a point within `bound` [µm] of a body that moved [µm] and turned [rad], and of a gliding trap."""
+        most = wp.length(moved) + bound * wp.length(turned)
+        if wp.static(f.gliding_traps):
+            most += gliding_way(model, control, world)
+        return most
+
+    return way
+
+
 def trap_escape_term(f: Features) -> wp.Function:
     """`(model, control, state, readout, world, trap, before, pose, step, time) -> leeway` of the body a trap holds."""
     trap_command = trap_command_term(f)

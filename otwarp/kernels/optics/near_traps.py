@@ -13,10 +13,10 @@ from otwarp.kernels.core.packed import beside, point_of, power_of, radius_of
 from otwarp.kernels.core.reads import index_at, vec4_at
 from otwarp.kernels.core.rotation import rotation_matrix
 from otwarp.kernels.core.step_constants import RigidConstants
-from otwarp.kernels.core.thread_rows import ROWS, number_of, put_row, row_of
 from otwarp.kernels.core.types import ControlData, ModelData, Pose, StateData, Wrench, vec6
 from otwarp.kernels.optics.aims import rest_aim_term
 from otwarp.kernels.optics.escapes import gliding_way
+from otwarp.kernels.optics.thread_rows import ROWS, number_of, put_row, row_of
 from otwarp.kernels.optics.traps import glide_of, glided, trap_force_term
 
 SKIN = wp.constant(0.25)

@@ -4,7 +4,7 @@ import numpy as np
 import warp as wp
 
 from otwarp.kernels.core.features import TURNING_BLOCK
-from otwarp.kernels.core.thread_rows import ROWS, any_beside, number_of, put_row, row_of, rows_at
+from otwarp.kernels.optics.thread_rows import ROWS, any_beside, number_of, put_row, row_of, rows_at
 
 THREADS = 3 * TURNING_BLOCK
 
