@@ -289,7 +289,7 @@ def pack_tables(
             nodes.append(rows)
             total += len(rows)
     levels = [level for table in optics.tables for level in table.levels]
-    packed = np.zeros(len(levels), dtype=grid_level.numpy_dtype())
+    packed: np.ndarray = np.zeros(len(levels), dtype=grid_level.numpy_dtype())
     for row, (start, level) in enumerate(zip(starts, levels, strict=True)):
         per_spacing = real(1.0 / level.spacing)
         middle = real(level.radius) * per_spacing
@@ -301,7 +301,7 @@ def pack_tables(
     data.level = wp.array(packed, dtype=grid_level, device=device.device)
     nodes_of, grid_of = (np.zeros((*optics.table.shape, 4), dtype=kind) for kind in (np.int32, real))
     if len(packed):
-        finest = packed[first[np.maximum(optics.table, 0)]]
+        finest: np.ndarray = packed[first[np.maximum(optics.table, 0)]]
         nodes_of[..., :3] = np.stack((optics.table, finest["node"], finest["columns"]), axis=-1)
         grid_of[..., :3] = np.stack([finest[name] for name in ("radius", "per_spacing", "middle")], axis=-1)
         grid_of[..., 3] = np.reshape(equilibrium, (-1, 1))
