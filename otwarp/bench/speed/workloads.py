@@ -19,6 +19,7 @@ from otwarp.bench.rungs import TrappedBead, chosen_rungs
 from otwarp.bench.scenes import HELD, PLACE, POWER, STIFFNESS, bead, robot, scene, spring
 from otwarp.bench.speed.many_body import ManySpheres
 from otwarp.bench.speed.peers import c_bead, numba_bead, numpy_bead
+from otwarp.laws import TrapLaw
 from otwarp.optics import Beam, Particle
 from otwarp.scene import Scene, Track, Trap
 from otwarp.shipped import shipped
@@ -208,8 +209,15 @@ def table_robot(reach: float = math.inf) -> Scene:
     return replace(what, traps=traps)
 
 
-def _robot(setting: Setting, *, reach: float = math.inf, **how: Any) -> Prepared:
-    return simulated(table_robot(reach), setting, ROBOTS, **how)
+def piecewise_robot() -> Scene:
+    """The same robot in authored laws of the paper's kind, which end where the tables do."""
+    what = robot()
+    law = TrapLaw(stiffness=STIFFNESS, power=POWER, threshold=0.5, inverse_square=STIFFNESS * 0.5**3, cutoff=REACH)
+    return replace(what, traps=tuple(replace(trap, model="piecewise", radial=law) for trap in what.traps))
+
+
+def _robot(setting: Setting, *, make: Callable[[], Scene], **how: Any) -> Prepared:
+    return simulated(make(), setting, ROBOTS, **how)
 
 
 def _many_spheres(setting: Setting, *, count: int, fast_math: bool = False) -> Prepared:
@@ -236,7 +244,7 @@ def _many(setting: Setting, *, worlds: int) -> Prepared:
 
 def _threads(setting: Setting, *, threads: int, model: str) -> Prepared:
     if model == "robot":
-        return _robot(setting, integrator=EULER, threads=threads)
+        return _robot(setting, make=table_robot, integrator=EULER, threads=threads)
     what, time_step = case_a()
     return simulated(what, setting, PARTICLES, time_step=time_step, integrator=EULER, threads=threads)
 
@@ -269,15 +277,22 @@ def _delivery(setting: Setting, *, worlds: int) -> Prepared:
 
 
 def _robots(math_kinds: tuple[bool, ...]) -> Iterator[Workload]:
-    """The robot in tables that act on all of its spheres, and in tables that end."""
-    for reach, ending in ((math.inf, ""), (REACH, f" that end at {REACH:g} µm")):
+    """The robot in tables that act on all of its spheres, in tables that end, and in authored laws that end."""
+    end = f"that end at {REACH:g} µm"
+    robots: dict[str, Callable[[], Scene]] = {
+        "three bilinear tables": table_robot,
+        f"three bilinear tables {end}": p(table_robot, REACH),
+        f"three piecewise laws {end}": piecewise_robot,
+    }
+    best = {EULER: {"cpu": 1e7, "cuda": 2.5e10}, DEFAULT: {"cuda": 1.2e10}}
+    for traps, make in robots.items():
         for fast in math_kinds:
             for integrator in (EULER, DEFAULT):
                 math_kind = ", fast math" if fast else ""
-                label = f"five-element robot, three bilinear tables{ending}, {integrator}{math_kind}"
-                best = {"cpu": 1e7, "cuda": 2.5e10} if ending and integrator == EULER and fast == math_kinds[-1] else {}
-                make = p(_robot, reach=reach, integrator=integrator, fast_math=fast)
-                yield Workload(case="robot", label=label, make=make, unit="robot-steps/s", goals=best)
+                goals = best[integrator] if traps.endswith(end) and fast == math_kinds[-1] else {}
+                label = f"five-element robot, {traps}, {integrator}{math_kind}"
+                how = p(_robot, make=make, integrator=integrator, fast_math=fast)
+                yield Workload(case="robot", label=label, make=how, unit="robot-steps/s", goals=goals)
 
 
 def _beads(kind: str, math_kinds: tuple[bool, ...], peers: Sequence[PeerCode]) -> Iterator[Workload]:
