@@ -29,8 +29,7 @@ class TrapData:
     model: wp.array(dtype=wp.int32)  # (T) key of kernels.optics.traps.TRAP_TERMS
     axis: wp.array(dtype=wp.vec3)  # (T) beam direction
     side: wp.array(dtype=wp.vec3)  # (T) across it, along the major axis of the polarization
-    table: wp.array2d(dtype=wp.int32)  # (T, optical kinds) index of the force table
-    # (T, optical kinds) once more what a trap reads of that table before any node, so that two reads find it
+    # (T, optical kinds) what a trap reads of its force table before any node, so that two reads find it
     near_nodes: wp.array2d(dtype=wp.vec4i)  # index of the table; first node and columns of its finest level; 0
     near_grid: wp.array2d(dtype=wp.vec4)  # radius, 1/spacing and middle of that level; `equilibrium` of the trap
     tables: ForceTableData

@@ -31,8 +31,8 @@ _REACHES, _PAIRS = wp.constant(KEPT_AIMS), wp.constant(KEPT_AIMS + 1)
 LISTED = wp.constant(ROWS - KEPT_AIMS - 1)
 """Pairs that there is room for: where more are near, all are looked at."""
 
-_TRAP = wp.constant(2)
-"""Bits of a trap's index; those of a sphere's among the trapped ones are above."""
+_TRAPS = wp.constant(KEPT_AIMS)
+"""A pair is known by its sphere's index among the trapped ones times this, and its trap's."""
 
 
 @wp.func
@@ -104,8 +104,8 @@ def list_pairs_term(f: Features) -> wp.Function:
                         leeway = wp.min(leeway, left - SAFE * reach)
                     else:
                         if pairs < LISTED:
-                            bits = wp.cast((element << _TRAP) | trap, wp.float32)
-                            put_row(body.rows, _PAIRS + pairs, wp.vec4(sphere[0], sphere[1], sphere[2], bits))
+                            pair = wp.cast(element * _TRAPS + trap, wp.float32)
+                            put_row(body.rows, _PAIRS + pairs, wp.vec4(sphere[0], sphere[1], sphere[2], pair))
                         pairs += 1
         if wp.static(f.gliding_traps):
             # a look at the end of a step is one step ahead
@@ -156,10 +156,10 @@ def listed_wrench_term(f: Features) -> wp.Function:
         if body.listed != 0:
             for n in range(body.pairs):
                 row = row_of(body.rows, _PAIRS + n)
-                bits = wp.cast(row[3], wp.int32)
+                pair = wp.cast(row[3], wp.int32)
                 arm = turn * point_of(row)
                 total = add_pair(
-                    model, control, body, world, pose.position, time, arm, bits >> _TRAP, bits & 3, total
+                    model, control, body, world, pose.position, time, arm, pair // _TRAPS, pair % _TRAPS, total
                 )  # fmt: skip
         else:
             traps = int(wp.static(f.traps))

@@ -139,7 +139,6 @@ def pack_traps(
     )
     data.model = device_array([trap_term(optics.term_name(scene, t)).key for t in range(len(traps))], wp.int32, device)
     data.side = device_array(trap_sides(scene), wp.vec3, device)
-    data.table = device_array(optics.table, wp.int32, device, ndim=2)
     data.tables, data.near_nodes, data.near_grid = pack_tables(optics, [t.equilibrium for t in traps], device)
     data.exact = pack_exact(optics, room, device)
     data.exact_scale = device_array([t.beam.force_scale for t in optics.tables], wp.float32, device)
