@@ -31,9 +31,9 @@ docstring (docs/architecture.md shows who may import whom):
     cli            all of this from the command line
 
 Files that every room may import: `errors` (what a user meets), `units` (internal units and constants), `files` (whole
-or not at all), `shipped` (scenes, studies and data sets by name), `triangles` (meshes as they are given), `cache` (what
-took long to compute, on disk), `lazy` (names loaded when used), `device` (Warp, started and chosen), `warp_internals`
-(all that counts on more of Warp than it promises).
+or not at all), `processes` (several, side by side), `shipped` (scenes, studies and data sets by name), `triangles`
+(meshes as they are given), `cache` (what took long to compute, on disk), `lazy` (names loaded when used), `device`
+(Warp, started and chosen), `warp_internals` (all that counts on more of Warp than it promises).
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from concurrent.futures import as_completed
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +17,7 @@ from otwarp.bench.timing import Note
 from otwarp.bench.typed import check_names
 from otwarp.device import pick_device
 from otwarp.errors import InputError
+from otwarp.processes import worker_processes
 
 QUICK, FULL, LONG = (
     {"worlds": 4096, "random_scenes": 12, "steps": 100_000},
@@ -128,13 +129,18 @@ class Task:
 
 
 def run_tasks(tasks: Sequence[Task], processes: int) -> Iterator[tuple[Task, Cell]]:
-    """Run cells, as they get done. With several processes those of all grids side by side, as each has its kernels."""
+    """Run cells, as they get done. With several processes those of all grids side by side, as each has its kernels.
+
+    Raises:
+        InputError: One of several processes was killed.
+    """
     if processes == 1:
         yield from ((task, task.run()) for task in tasks)
         return
-    # a fresh interpreter each: warnings belong to a process, and Warp does not outlive a fork
-    with multiprocessing.get_context("spawn").Pool(min(processes, len(tasks))) as pool:
-        yield from pool.imap_unordered(_run, sorted(tasks, key=lambda task: task.number))
+    with worker_processes(min(processes, len(tasks))) as pool:
+        ordered = sorted(tasks, key=lambda task: task.number)
+        for done in as_completed([pool.submit(_run, task) for task in ordered]):
+            yield done.result()
 
 
 def _run(task: Task) -> tuple[Task, Cell]:

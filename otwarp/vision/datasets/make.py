@@ -5,19 +5,16 @@ from __future__ import annotations
 import contextlib
 import importlib.metadata
 import json
-import os
 import shutil
-import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
-from multiprocessing.connection import Connection
+from concurrent.futures import as_completed
 from pathlib import Path
 from typing import Any
 
 from otwarp.device import pick_device
 from otwarp.errors import InputError
 from otwarp.files import check_place, claimed, made_apart
+from otwarp.processes import worker_processes
 from otwarp.vision.datasets.card import write_card
 from otwarp.vision.datasets.labels import Labels, labels_of
 from otwarp.vision.datasets.samples import save_samples
@@ -54,7 +51,7 @@ def make_dataset(
 
     Raises:
         InputError: Nothing that can be rendered is asked for, the folder holds something else or cannot be written,
-            or another process works in it.
+            another process works in it, or one of `processes` is killed.
         OSError: The disk is full; what was finished is kept.
     """
     _need_zarr()
@@ -116,41 +113,21 @@ def _rendered(labels: Labels, store: Store, todo: Sequence[int], processes: int,
     # kernels are compiled once, before there are several processes that would
     _keep(labels, store, todo[0], Fourier(device))
     yield todo[0]
-    context = get_context("spawn")
-    told, end = context.Pipe(duplex=False)  # closing `end` ends the processes, in the middle of a pose
-    arguments = (labels, store, os.getpid(), told)
-    with ProcessPoolExecutor(min(processes, len(todo) - 1), context, _begin, arguments) as pool:
-        try:
-            for task in as_completed([pool.submit(_task, pose) for pose in todo[1:]]):
-                yield task.result()
-        except BaseException:
-            end.close()
-            pool.shutdown(wait=True, cancel_futures=True)
-            raise
-    end.close()
-    told.close()
+    with worker_processes(min(processes, len(todo) - 1), _begin, (labels, store)) as pool:
+        for task in as_completed([pool.submit(_task, pose) for pose in todo[1:]]):
+            yield task.result()
 
 
 _of_process: dict[str, Any] = {}
 
 
-def _begin(labels: Labels, store: Store, parent: int, told: Connection) -> None:
-    """What a process needs; it ends at once when the other end of `told` is closed, or its parent has ended."""
-    import signal
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent answers Ctrl-C
-    threading.Thread(target=_end_with, args=(parent, told), daemon=True).start()
+def _begin(labels: Labels, store: Store) -> None:
+    """What a process needs."""
     with contextlib.suppress(ImportError):
         import torch
 
         torch.set_num_threads(1)
     _of_process.update(labels=labels, store=store, fourier=Fourier("cpu"))
-
-
-def _end_with(parent: int, told: Connection) -> None:
-    while os.getppid() == parent and not told.poll(0.5):
-        pass
-    os._exit(1)
 
 
 def _task(pose: int) -> int:
