@@ -16,8 +16,9 @@ from otwarp.bench.report import NOTHING, Table
 from otwarp.device import pick_device
 from otwarp.vision.datasets import open_dataset
 from otwarp.vision.networks.library import repeatable, threads_of, torch_device
+from otwarp.vision.networks.prepare import prepare
 from otwarp.vision.networks.settings import Settings
-from otwarp.vision.networks.train import one_epoch, prepare, steps_of
+from otwarp.vision.networks.train import one_epoch, steps_of
 
 NETS = ("vgg16", "resnet18", "resnet50", "small")
 

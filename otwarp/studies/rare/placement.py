@@ -159,7 +159,7 @@ def _climb(
     groups, m = len(pools), layout.branches
     reached = np.zeros(groups, dtype=bool)
     active = list(range(groups))
-    for stage in range(0, 2 * MOST, 2):
+    for stage in range(0, 2 * (MOST - 1), 2):
         worlds = np.concatenate([layout.worlds(g) for g in active])
         chosen = [spread(len(pools[g]), m, layout.random(g, stage)) for g in active]
         begun = States.joined([pools[g][c] for g, c in zip(active, chosen, strict=True)])

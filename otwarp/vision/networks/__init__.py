@@ -14,6 +14,7 @@ above it:
     metrics, curves         figures of merit; learning curves
     checkpoint              a training on disk
     captured                steps of an optimiser as CUDA graphs
+    prepare                 a training before it begins
     train                   all of these together
     run, onnx_file, use     a network in use, by torch or exported; `load` of either
     baselines, bound        what is reached without networks, and what could be reached at all

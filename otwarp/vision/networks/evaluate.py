@@ -20,8 +20,8 @@ from otwarp.vision.networks.learnt import POSES, check_robot, learnt_of, warn_of
 from otwarp.vision.networks.library import ELSEWHERE, memory_named
 from otwarp.vision.networks.metrics import errors_of, scores_of
 from otwarp.vision.networks.predict import Predictions
+from otwarp.vision.networks.prepare import dataset_digest
 from otwarp.vision.networks.run import Estimator, network_file
-from otwarp.vision.networks.train import dataset_digest
 from otwarp.vision.networks.use import load
 
 SAME_PIXEL = 0.01

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -16,20 +13,17 @@ import numpy as np
 from otwarp.errors import InputError
 from otwarp.vision.datasets import open_dataset
 from otwarp.vision.networks import checkpoint
-from otwarp.vision.networks.build import build, described, grey_of, parameters
+from otwarp.vision.networks.build import parameters
 from otwarp.vision.networks.captured import CapturedSteps, set_rate
 from otwarp.vision.networks.curves import draw_curves, write_curves
-from otwarp.vision.networks.data import Samples, samples
-from otwarp.vision.networks.estimate import QUANTITIES
+from otwarp.vision.networks.data import samples
 from otwarp.vision.networks.library import check_device_name, memory_named, repeatable, torch_device, torch_library
 from otwarp.vision.networks.metrics import scores_of, widening
 from otwarp.vision.networks.predict import arithmetic, predict
+from otwarp.vision.networks.prepare import Training, dataset_digest, parts_of, prepare
 from otwarp.vision.networks.settings import Settings
-from otwarp.vision.networks.targets import Targets, errors, targets_of, truth
-from otwarp.vision.networks.weights import find_weights, load_weights, put
-
-WEIGHT_DECAY = 1e-4
-"""Of Adam, as the paper's."""
+from otwarp.vision.networks.targets import errors
+from otwarp.vision.networks.weights import find_weights, put
 
 SQUARE_SHARE = 0.3
 """Of all steps, in which the loss of a pose goes over from the square to the density."""
@@ -44,48 +38,6 @@ Report = Callable[[Mapping[str, Any]], None]
 
 Take = Callable[[Any, float], Any]
 """`(batch, share) -> loss`: a step of the optimiser, as of `one_step`."""
-
-
-@dataclass
-class Training:
-    """One training, between epochs.
-
-    Attributes:
-        folder, settings: Where, and how.
-        network, optimiser: Of torch.
-        targets: What the network says.
-        parts: Indices of the data set's training, validation and test part.
-        train, validation: On the device.
-        stretch: [pixels of the resized image per µm], along x and y.
-        change: Generator of the augmentation, on the device.
-        weights: Where the network began.
-        about: What `network.pt` says beside the weights.
-        rows: Learning curves so far.
-        kept: Epochs before the last checkpoint.
-        checkpoints, pictures: How often where it stands, and its curves, are written.
-    """
-
-    folder: Path
-    settings: Settings
-    network: Any
-    optimiser: Any
-    targets: Targets
-    parts: Mapping[str, np.ndarray]
-    train: Samples
-    validation: Samples
-    stretch: tuple[float, float]
-    change: Any
-    weights: Mapping[str, str]
-    about: Mapping[str, Any]
-    rows: list[dict[str, Any]] = field(default_factory=list)
-    kept: int = 0
-    checkpoints: checkpoint.Seldom = field(default_factory=checkpoint.Seldom)
-    pictures: checkpoint.Seldom = field(default_factory=lambda: checkpoint.Seldom(20.0))
-
-    @property
-    def device(self) -> Any:
-        """Device of torch on which the network is trained."""
-        return self.train.images.device
 
 
 def train(
@@ -110,7 +62,7 @@ def train(
     check_device_name(device)
     find_weights(settings.net, settings.weights)
     data = open_dataset(dataset)
-    parts = _parts(data.split(settings.split), settings)
+    parts = parts_of(data.split(settings.split), settings)
     where = torch_device(device)
     asked = {"dataset": dataset_digest(data), "settings": settings.said()}
     checkpoint.check_folder(folder, asked)
@@ -129,63 +81,6 @@ def train(
             if report:
                 report(row)
         return finish(work, data)
-
-
-def _parts(split: Mapping[str, np.ndarray], settings: Settings) -> dict[str, np.ndarray]:
-    """The split, its training part as small as is asked."""
-    parts = {name: np.asarray(index) for name, index in split.items()}
-    if settings.images:
-        if settings.images > len(parts["train"]):
-            raise InputError(f"images is {settings.images}; allowed: up to {len(parts['train'])}, which the training "
-                             f"part of split {settings.split} has")  # fmt: skip
-        rng = np.random.default_rng([settings.seed, 3])
-        parts["train"] = np.sort(rng.permutation(parts["train"])[: settings.images])
-    if len(parts["train"]) < 2:
-        raise InputError(
-            f"the training part of split {settings.split} has {len(parts['train'])} images; allowed: 2 or more"
-        )
-    return parts
-
-
-def dataset_digest(data: Any) -> str:
-    """Of a data set: of all that its manifest says."""
-    text = json.dumps(data.manifest, sort_keys=True, ensure_ascii=False)
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
-def prepare(data: Any, parts: Mapping[str, np.ndarray], folder: Path, settings: Settings, device: Any) -> Training:
-    """Images on the device, a network with its first weights, an optimiser.
-
-    Raises:
-        InputError: Heads for which the data set has no labels, or weights of another network.
-    """
-    torch = torch_library()
-    targets = targets_of(
-        data.labels, parts["train"], symmetry=data.manifest["symmetry"], classes=np.asarray(data.classes)
-    )
-    has = bool(np.any(np.asarray(data.labels["tilt_class"])[parts["train"]] >= 0))
-    for heads, there in (("paper", has), ("pose", bool(targets.names))):
-        if settings.heads == heads and not there:
-            raise InputError(f"heads is {heads}, but the training part of the data set has no such labels that vary; "
-                             "allowed: the other heads")  # fmt: skip
-    size = settings.size or max(data.shape)
-    columns = [QUANTITIES.index(name) for name in targets.names]
-    on = {part: samples(data, parts[part], truth(data.labels, parts[part])[:, columns], size, device)
-          for part in ("train", "validation")}  # fmt: skip
-    grey = grey_of(on["train"].images)
-    network = build(settings.net, settings.heads, targets, grey)
-    weights = load_weights(network.backbone, settings.net, settings.weights)
-    if settings.net == "vgg16" and weights["source"] != "none":
-        network.backbone.freeze()
-    network = network.to(device).to(memory_format=torch.channels_last)
-    moving = [p for p in network.parameters() if p.requires_grad]
-    optimiser = torch.optim.Adam(moving, lr=settings.rate, weight_decay=WEIGHT_DECAY, fused=True)
-    pixel = float(data.manifest["optics"]["pixel"])
-    stretch = (size / (data.shape[1] * pixel), size / (data.shape[0] * pixel))
-    asked = {"dataset": dataset_digest(data), "settings": settings.said()}
-    about = {**described(settings, targets, size, data, grey), "training": checkpoint.digest(asked)}
-    return Training(folder, settings, network, optimiser, targets, parts, on["train"], on["validation"], stretch,
-                    torch.Generator(device), weights, about)  # fmt: skip
 
 
 def steps_of(work: Training) -> Take:
@@ -265,17 +160,30 @@ def one_step(work: Training, batch: Any, share: Any) -> Any:
 
 def loss_of(work: Training, said: Mapping[str, Any], true: Any, tilt_class: Any, depth: Any, share: Any) -> Any:
     """Of all heads together."""
-    from otwarp.vision.networks.modules.loss import paper_loss, pose_loss, residuals
+    from otwarp.vision.networks.modules.loss import pose_loss
 
-    loss = 0.0
-    if "scores" in said:
-        wrong = work.settings.depth_loss == "broadcast"
-        loss = loss + paper_loss(said["scores"].float(), said["depth"].float(), tilt_class, depth, broadcast=wrong)
+    loss = loss_of_classes(work, said, tilt_class, depth)
     if "mean" in said:
-        head = work.network.pose
-        error = residuals(said["mean"], true, head.scale, work.targets.names, mirrored=work.targets.mirrored)
-        loss = loss + pose_loss(error, said["factor"], share)
+        loss = loss + pose_loss(residuals_of(work, said, true), said["factor"], share)
     return loss
+
+
+def loss_of_classes(work: Training, said: Mapping[str, Any], tilt_class: Any, depth: Any) -> Any:
+    """Of the paper's heads; 0 without them."""
+    from otwarp.vision.networks.modules.loss import paper_loss
+
+    if "scores" not in said:
+        return 0.0
+    wrong = work.settings.depth_loss == "broadcast"
+    return paper_loss(said["scores"].float(), said["depth"].float(), tilt_class, depth, broadcast=wrong)
+
+
+def residuals_of(work: Training, said: Mapping[str, Any], true: Any) -> Any:
+    """(g, n, k) of poses, as of `modules.loss.residuals`."""
+    from otwarp.vision.networks.modules.loss import residuals
+
+    scale, names = work.network.pose.scale, work.targets.names
+    return residuals(said["mean"], true, scale, names, mirrored=work.targets.mirrored)
 
 
 def check_finite(work: Training, loss: float, epoch: int, step: int) -> None:
@@ -292,26 +200,33 @@ def check_finite(work: Training, loss: float, epoch: int, step: int) -> None:
 
 
 def validate(work: Training) -> dict[str, Any]:
-    """Loss and errors of the validation part."""
+    """Loss, that of poses calibrated, and errors of the validation part."""
     torch = torch_library()
-    part, total, found = work.validation, 0.0, {}
+    from otwarp.vision.networks.modules.loss import calibrated_loss
+
+    part, total, found, away, factor = work.validation, 0.0, {}, [], []
     work.network.eval()
     with torch.inference_mode():
         for some in torch.arange(len(part), device=work.device).split(256):
             with arithmetic(work.settings.precision, work.device):
                 said = work.network(part.images[some].float() / 255.0)
             true, tilt_class, depth = part.truth[some], part.tilt_class[some], part.depth[some]
-            total += float(loss_of(work, said, true, tilt_class, depth, 1.0)) * len(some)
+            total += float(loss_of_classes(work, said, tilt_class, depth)) * len(some) / len(part)
             if "scores" in said:
                 has = tilt_class >= 0
                 found.setdefault("accuracy", []).append((said["scores"].argmax(1) == tilt_class)[has].float())
                 found.setdefault("depth_normalized_rmse", []).append((said["depth"].float() - depth) ** 2)
+            if "mean" in said:
+                away.append(residuals_of(work, said, true))
+                factor.append(said["factor"])
             if "depth" in work.targets.names and "mean" in said:
                 column = work.targets.names.index("depth")
                 found.setdefault("depth_rmse_um", []).append((said["mean"] - true)[:, column] ** 2)
+        if away:
+            total += float(calibrated_loss(torch.cat(away, 1), torch.cat(factor)))
     row = {name: float(torch.cat(parts).mean()) for name, parts in found.items() if len(torch.cat(parts))}
     row |= {name: math.sqrt(value) for name, value in row.items() if "rmse" in name}
-    return {"validation_loss": total / len(part), **row}
+    return {"validation_loss": total, **row}
 
 
 def keep(work: Training, row: dict[str, Any]) -> None:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
+
+from otwarp.vision.networks.metrics import pose_scores, widening
+from otwarp.vision.networks.predict import covariances
 
 torch = pytest.importorskip("torch")
 
 from otwarp.vision.networks.modules.augment import augmented  # noqa: E402
 from otwarp.vision.networks.modules.heads import PoseHead  # noqa: E402
-from otwarp.vision.networks.modules.loss import paper_loss, pose_loss, residuals  # noqa: E402
+from otwarp.vision.networks.modules.loss import calibrated_loss, paper_loss, pose_loss, residuals  # noqa: E402
 from otwarp.vision.networks.modules.network import BACKBONES, Exported, Network  # noqa: E402
 
 ALL = ("x", "y", "depth", "tilt", "yaw")
@@ -141,6 +145,26 @@ def test_the_density_is_that_of_a_normal_distribution() -> None:
     said = torch.distributions.MultivariateNormal(torch.zeros(2), precision_matrix=factor[0] @ factor[0].T)
     assert float(pose_loss(error, factor, 1.0)) == pytest.approx(-float(said.log_prob(error[0, 0])) / 2, rel=1e-5)
     assert float(pose_loss(error, factor, 0.0)) == pytest.approx(0.5 * (0.09 + 0.04) / 2)
+
+
+def test_a_calibrated_density_is_that_of_a_network_in_use() -> None:
+    """Standard deviations are scaled as `widening` does: how sure a network is costs nothing, its errors do."""
+    generator = torch.Generator().manual_seed(2)
+    error = torch.randn(2, 50, 3, generator=generator, dtype=torch.float64)
+    lower = torch.tril(torch.randn(50, 3, 3, generator=generator, dtype=torch.float64), -1)
+    factor = lower + torch.diag_embed(0.5 + torch.rand(50, 3, generator=generator, dtype=torch.float64))
+    said = calibrated_loss(error[:1], factor)
+    covariance = covariances(factor.numpy(), np.ones(3), np.ones(3))
+    widen = np.array(widening(error[0].numpy(), covariance))
+    assert float(said) == pytest.approx(
+        pose_scores(error[0].numpy(), covariance * np.outer(widen, widen), ALL[:3])["nll"] / 3
+    )
+    overconfident = factor * torch.tensor([7.0, 1.0, 0.1], dtype=torch.float64)[:, None]
+    assert float(calibrated_loss(error[:1], overconfident)) == pytest.approx(float(said))
+    assert float(pose_loss(error[:1], 7.0 * factor, 1.0)) > float(said)
+    # of two poses that look the same the likelier counts
+    assert float(calibrated_loss(error, factor)) < float(said)
+    assert float(calibrated_loss(2.0 * error[:1], factor)) == pytest.approx(float(said) + math.log(2.0))
 
 
 def test_augmentation_repeats_and_says_its_shifts() -> None:

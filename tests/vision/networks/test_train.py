@@ -16,6 +16,7 @@ from otwarp.cli.main import main
 from otwarp.errors import InputError
 from otwarp.vision.networks import checkpoint, train
 from otwarp.vision.networks.evaluate import evaluate
+from otwarp.vision.networks.prepare import Training
 from otwarp.vision.networks.settings import Settings
 from tests.full_disk import largest_file
 from tests.vision.networks.conftest import TRAINED
@@ -139,7 +140,7 @@ def test_a_training_that_is_over_is_not_taken_up_again(smoke: Path, trained: Pat
 def test_a_loss_that_is_no_number_stops_and_keeps_the_last_checkpoint(smoke: Path, tmp_path: Path, monkeypatch) -> None:
     step = train.one_step
 
-    def bad(work: train.Training, *rest: Any) -> Any:
+    def bad(work: Training, *rest: Any) -> Any:
         loss = step(work, *rest)
         return loss * float("nan") if len(work.rows) == 2 else loss
 
@@ -160,7 +161,7 @@ def test_a_last_step_that_spoils_the_weights_is_no_checkpoint(smoke: Path, tmp_p
     """The loss of a step is that before it: of the last step of an epoch only the validation part tells."""
     step = train.one_step
 
-    def spoils(work: train.Training, *rest: Any) -> Any:
+    def spoils(work: Training, *rest: Any) -> Any:
         loss = step(work, *rest)
         if len(work.rows) == 1:
             for parameter in work.network.parameters():

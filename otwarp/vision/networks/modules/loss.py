@@ -67,6 +67,22 @@ def pose_loss(error: Tensor, factor: Tensor, share: float | Tensor) -> Tensor:
     return torch.mean(torch.min(mixed(error, factor, share), 0).values) / error.shape[-1]
 
 
+def calibrated_loss(error: Tensor, factor: Tensor) -> Tensor:
+    """`pose_loss` of a validation part with standard deviations scaled as they will be in use, each by one factor.
+
+    Without that, of two networks the one that errs more but says so would count as the better one.
+
+    Args:
+        error, factor: As of `pose_loss`, of the whole part.
+    """
+    nearest = torch.argmin(mixed(error, factor, 1.0), 0)
+    away = error[nearest, torch.arange(len(nearest), device=error.device)]
+    one = torch.eye(factor.shape[-1], dtype=factor.dtype, device=factor.device)
+    deviation = torch.linalg.norm(torch.linalg.solve_triangular(factor, one, upper=False), dim=-2)
+    widen = torch.sqrt(torch.mean((away / deviation) ** 2, 0))
+    return pose_loss(error, factor / widen[:, None], 1.0)
+
+
 def mixed(error: Tensor, factor: Tensor, share: float | Tensor) -> Tensor:
     """(g, n) of each pose and image, over all quantities; `pose_loss` has the arguments."""
     white = torch.einsum("nij,gni->gnj", factor, error)
