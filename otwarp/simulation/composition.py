@@ -104,11 +104,15 @@ def _check_rods(scene: Scene, f: Features) -> None:
 
 
 def _check_precision(scene: Scene, f: Features, precision: str, *, fast_math: bool) -> None:
-    """Refuse an unknown precision, and float64 where there is none: with many bodies, before a mesh, with fast math.
+    """Refuse what is no precision or no choice of fast math, and float64 where there is none.
+
+    That is with many bodies, before a mesh, and with fast math.
 
     Raises:
         InputError: One line.
     """
+    if not isinstance(fast_math, bool):
+        raise InputError(f"fast_math is {fast_math!r}; allowed: true or false")
     if precision not in PRECISIONS:
         raise InputError(f"precision is {precision!r}; allowed: {', '.join(PRECISIONS)}")
     if precision == "float32":
@@ -146,7 +150,7 @@ def check_settings(scene: Scene) -> None:
         ("integrator", scene.settings.integrator, INTEGRATORS),
         ("noise", scene.settings.noise, NOISES),
     ):
-        if value not in known:
+        if not isinstance(value, str) or value not in known:
             raise InputError(f"{name} is {value!r}; allowed: {', '.join(known)}")
 
 

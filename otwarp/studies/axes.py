@@ -24,10 +24,16 @@ class Axis:
     Attributes:
         values: (n) numbers or texts, or (n, 3) vectors.
         unit: Theirs; empty for none.
+
+    Raises:
+        InputError: A unit that is no text.
     """
 
     values: np.ndarray
     unit: str = ""
+
+    def __post_init__(self) -> None:
+        _check_unit(self.unit)
 
     def __len__(self) -> int:
         return len(self.values)
@@ -57,7 +63,7 @@ def values(given: ArrayLike, *, unit: str = "") -> Axis:
         unit: Theirs, such as `mW`; empty for pure numbers and words.
 
     Raises:
-        InputError: None at all, another shape, or a number that is not finite.
+        InputError: None at all, another shape, a number that is not finite, or a unit that is no text.
     """
     try:
         array = np.asarray(given)
@@ -155,7 +161,7 @@ def sobol(low: ArrayLike, high: ArrayLike, count: int, *, unit: str | Sequence[s
     count = _count("sobol", count, 1)
     draws = engine.random_base2(math.ceil(math.log2(count)))[:count].reshape(count, *a.shape)
     points = a + (b - a) * draws
-    if isinstance(unit, str):
+    if isinstance(unit, str) or not hasattr(unit, "__len__"):
         return values(points, unit=unit)
     if len(unit) != a.size:
         raise InputError(f"sobol has {a.size} components and {len(unit)} units; allowed: as many of both, or one unit")
@@ -173,13 +179,14 @@ class Scatter:
         unit: Of the deviation.
 
     Raises:
-        InputError: A deviation that is negative or not finite.
+        InputError: A deviation that is negative or not finite, or a unit that is no text.
     """
 
     deviation: float
     unit: str = "%"
 
     def __post_init__(self) -> None:
+        _check_unit(self.unit)
         if not (math.isfinite(self.deviation) and self.deviation >= 0.0):
             raise InputError(f"scatter has the deviation {self.deviation}; allowed: finite, 0 or more")
 
@@ -253,6 +260,11 @@ def _named_apart(found: list[Dimension]) -> tuple[Dimension, ...]:
         counts[d.name] = counts.get(d.name, 0) + 1
         apart.append(d if counts[d.name] == 1 else dataclasses.replace(d, name=f"{d.name}_{counts[d.name]}"))
     return tuple(apart)
+
+
+def _check_unit(unit: Any) -> None:
+    if not isinstance(unit, str):
+        raise InputError(f"unit is {unit!r}; allowed: a text such as 'mW', or '' for pure numbers")
 
 
 def _count(what: str, count: Any, least: int) -> int:

@@ -89,7 +89,10 @@ def test_bad_lists():
         lambda: grid(0, 1, 5, spacing="log"),
         lambda: grid(0, 1, 1),
         lambda: sobol([0, 0], [1, 1], 8, unit=["mW"]),
+        lambda: sobol(0, 1, 8, unit=3),  # type: ignore[arg-type]
+        lambda: grid(0, 1, 2, unit=None),  # type: ignore[arg-type]
         lambda: Scatter(-1.0),
+        lambda: Scatter(5.0, 3),  # type: ignore[arg-type]
         lambda: half_width(0.7),
         lambda: trials(0),
     ):
@@ -112,6 +115,9 @@ def test_bad_files(tmp_path, scene, capsys):
         ("values = [0, 0.1, 0.2, 0.3]", "values = [0, nan]", "finite"),
         ("seed = 3", 'time_step = "50 ms"', "time step 0.05 s is unstable"),
         ('unit = "mW"\n', "", "axis trap_power has no unit; allowed: mW"),
+        ('unit = "mW"', "unit = 3", "axis trap_power: unit is 3; allowed: a text such as 'mW'"),
+        ("[stop]", '[options]\nfast_math = "yes"\n[stop]', "fast_math is 'yes'; allowed: true or false"),
+        ("[stop]", '[options]\nintegrator = ["heun"]\n[stop]', "integrator is ['heun']; allowed: "),
     ):
         assert old in FILE
         (tmp_path / "bad.toml").write_text(FILE.replace(old, new))
