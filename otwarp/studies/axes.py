@@ -218,6 +218,9 @@ def dimensions(axes: Mapping[Any, Any]) -> tuple[Dimension, ...]:
         names = tuple(names) if isinstance(names, tuple | list) else (names,)
         if not all(isinstance(name, str) for name in names):
             raise InputError(f"axis {names!r}; allowed: a name, or a tuple of names")
+        again = next((name for name in names if names.count(name) > 1), None)
+        if again is not None:
+            raise InputError(f"axis {again} stands there twice; allowed: once")
         columns = (given,) if isinstance(given, Axis) else tuple(given) if isinstance(given, list | tuple) else ()
         wrong = not names or len(columns) != len(names) or not all(isinstance(c, Axis) for c in columns)
         if wrong:

@@ -42,6 +42,7 @@ def scene(tmp_path_factory):
         ({"/World/bead.raduis": values([1.0])}, "no attribute raduis"),
         ({"speed:/World/trap": values([1.0], unit="µm/s")}, "stands still"),
         ({"trap_power": "grid"}, "allowed: grid"),
+        ({("trap_power", "trap_power"): (grid(1, 2, 3, unit="mW"),) * 2}, "axis trap_power stands there twice"),
     ],
 )
 def test_bad_axes(scene, axes, said):
@@ -115,6 +116,11 @@ def test_bad_files(tmp_path, scene, capsys):
         ("values = [0, 0.1, 0.2, 0.3]", "values = [0, nan]", "finite"),
         ("seed = 3", 'time_step = "50 ms"', "time step 0.05 s is unstable"),
         ('unit = "mW"\n', "", "axis trap_power has no unit; allowed: mW"),
+        (
+            'name = "start.x:/World/bead"\nvalues = [0, 0.1, 0.2, 0.3]\nunit = "µm"',
+            'together = [{ name = "seen", values = [1] }, { name = "seen", values = [2] }]',
+            "axis seen stands there twice; allowed: once",
+        ),
         ('unit = "mW"', "unit = 3", "axis trap_power: unit is 3; allowed: a text such as 'mW'"),
         ("[stop]", '[options]\nfast_math = "yes"\n[stop]', "fast_math is 'yes'; allowed: true or false"),
         ("[stop]", '[options]\nintegrator = ["heun"]\n[stop]', "integrator is ['heun']; allowed: "),
