@@ -161,7 +161,7 @@ def sobol(low: ArrayLike, high: ArrayLike, count: int, *, unit: str | Sequence[s
     count = _count("sobol", count, 1)
     draws = engine.random_base2(math.ceil(math.log2(count)))[:count].reshape(count, *a.shape)
     points = a + (b - a) * draws
-    if isinstance(unit, str) or not hasattr(unit, "__len__"):
+    if isinstance(unit, str) or not isinstance(unit, Sequence | np.ndarray):
         return values(points, unit=unit)
     if len(unit) != a.size:
         raise InputError(f"sobol has {a.size} components and {len(unit)} units; allowed: as many of both, or one unit")

@@ -138,6 +138,26 @@ def test_unwritable(scene):
         run_study(study_of(scene), "/proc/study")
 
 
+@pytest.mark.parametrize(
+    ("how", "said"),
+    [
+        *(({"shard": shard}, "shard is ") for shard in ((3, 2), (0, 2), (0, 1), (-1, 2), (1, 0), 3, "1/2", (1.0, 2))),
+        ({"devices": ["foo"]}, "device is 'foo'; allowed: cpu"),
+        ({"devices": "cpu"}, "devices are 'cpu'; allowed: a list of names"),
+        ({"devices": [3]}, "devices are "),
+        ({"folder": 3}, "folder is 3; allowed: a path"),
+        ({"folder": None}, "folder is None"),
+        ({"folder": b"out"}, "folder is b'out'"),
+    ],
+)
+def test_bad_arguments_of_a_run(scene, tmp_path, how, said):
+    """Of `Study.run` and `run_study`; nothing is written."""
+    with pytest.raises(InputError, match=said) as error:
+        study_of(scene).run(**({"folder": tmp_path / "out"} | how))
+    assert "allowed: " in str(error.value) and "\n" not in str(error.value)
+    assert not (tmp_path / "out").exists()
+
+
 def test_delivery_needs_a_goal(scene):
     """That of the scene, or one that is given."""
     given = delivered((0.0, 0.0, 10.0), radius=0.1, until=0.1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -47,12 +48,14 @@ def run_study(
             runs it, or an argument is out of range.
         OSError: The disk is full; what was finished is kept.
     """
+    folder, devices = _path(folder), _devices(devices)
+    _check_shard(shard)
     rounds = study.stop.budget is not None
     if rounds and shard is not None:
         raise InputError(f"--shard is {shard[0]}/{shard[1]}; allowed for a study with a budget: none, all points share "
                          "it; --engine ray for several hosts")  # fmt: skip
-    study = _as_begun(study, Path(folder))
-    store = prepare(study, Path(folder))
+    study = _as_begun(study, folder)
+    store = prepare(study, folder)
     say = progress or (lambda done, of: None)
     todo = blocks_of(study, store, shard)
     if not rounds:
@@ -67,6 +70,40 @@ def run_study(
             else:
                 compute(study, store, todo, say)
     return store
+
+
+def _path(folder: Any) -> Path:
+    if not isinstance(folder, str | os.PathLike):
+        raise InputError(f"folder is {folder!r}; allowed: a path")
+    return Path(folder)
+
+
+def _devices(given: Any) -> list[str] | None:
+    """Names of devices that there are; None or an empty list stays as it is."""
+    from otwarp.device import pick_device
+
+    if given is None:
+        return None
+    if not isinstance(given, list | tuple) or not all(isinstance(name, str) for name in given):
+        raise InputError(f"devices are {given!r}; allowed: a list of names, such as ['cpu']")
+    return [str(pick_device(name)) for name in given]
+
+
+def _check_shard(shard: Any) -> None:
+    """Refuse what is no share, counted from 1.
+
+    Raises:
+        InputError: It is none.
+    """
+    if shard is None:
+        return
+    pair = isinstance(shard, list | tuple) and len(shard) == 2
+    if not pair or not all(isinstance(n, int | np.integer) and not isinstance(n, bool) for n in shard):
+        which, of = 0, 0
+    else:
+        which, of = shard
+    if not 1 <= which <= of:
+        raise InputError(f"shard is {shard!r}; allowed: which one of how many, counted from 1, such as (3, 16)")
 
 
 def all_devices() -> list[str]:
