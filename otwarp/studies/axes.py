@@ -93,11 +93,12 @@ def grid(low: float, high: float, count: int, *, unit: str = "", spacing: Spacin
     count = _count("grid", count, 2)
     if spacing not in ("linear", "log"):
         raise InputError(f"spacing of a grid is {spacing!r}; allowed: linear, log")
-    if not (math.isfinite(low) and math.isfinite(high) and low < high):
+    a, b = _numbers(low), _numbers(high)
+    if a.ndim or b.ndim or not (np.isfinite(a) and np.isfinite(b) and a < b):
         raise InputError(f"grid from {low} to {high}; allowed: finite numbers, the first of them smaller")
-    if spacing == "log" and low <= 0.0:
+    if spacing == "log" and a <= 0.0:
         raise InputError(f"grid from {low} by equal factors; allowed: from a number above 0")
-    return Axis(np.linspace(low, high, count) if spacing == "linear" else np.geomspace(low, high, count), unit)
+    return Axis(np.linspace(a, b, count) if spacing == "linear" else np.geomspace(a, b, count), unit)
 
 
 def random(low: ArrayLike, high: ArrayLike, count: int, *, unit: str = "", seed: int = 0) -> Axis:
@@ -129,11 +130,13 @@ def normal(mean: ArrayLike, deviation: ArrayLike, count: int, *, unit: str = "",
     Raises:
         InputError: A deviation that is negative, or numbers that are not finite.
     """
-    m, s = np.broadcast_arrays(np.asarray(mean, dtype=float), np.asarray(deviation, dtype=float))
-    if m.shape not in ((), (3,)) or not np.all(np.isfinite(m)) or not np.all(np.isfinite(s) & (s >= 0.0)):
+    m, s = _numbers(mean), _numbers(deviation)
+    shaped = m.shape in ((), (3,)) and s.shape in ((), (3,))
+    if not shaped or not np.all(np.isfinite(m)) or not np.all(np.isfinite(s) & (s >= 0.0)):
         raise InputError(
             f"normal with mean {mean} and deviation {deviation}; allowed: finite numbers, no deviation < 0"
         )
+    m, s = np.broadcast_arrays(m, s)
     draws = np.random.Generator(np.random.Philox(_seed("normal", seed)))
     return Axis(m + s * draws.standard_normal((_count("normal", count, 1), *m.shape)), unit)
 
@@ -187,7 +190,8 @@ class Scatter:
 
     def __post_init__(self) -> None:
         _check_unit(self.unit)
-        if not (math.isfinite(self.deviation) and self.deviation >= 0.0):
+        number = _numbers(self.deviation)
+        if number.ndim or not (np.isfinite(number) and number >= 0.0):
             raise InputError(f"scatter has the deviation {self.deviation}; allowed: finite, 0 or more")
 
 
@@ -211,8 +215,10 @@ def dimensions(axes: Mapping[Any, Any]) -> tuple[Dimension, ...]:
     """The dimensions of a study: one for each entry, a name with an axis, or a tuple of names with one axis each.
 
     Raises:
-        InputError: A name twice, no axis, or axes of different lengths for names that go together.
+        InputError: No mapping, a name twice, no axis, or axes of different lengths for names that go together.
     """
+    if not isinstance(axes, Mapping):
+        raise InputError(f"axes are {axes!r}; allowed: names with grid(…), values(…), … for each, as a dict")
     found: list[Dimension] = []
     for names, given in axes.items():
         names = tuple(names) if isinstance(names, tuple | list) else (names,)
@@ -282,8 +288,17 @@ def _seed(what: str, seed: Any) -> int:
     return int(seed)
 
 
+def _numbers(given: Any) -> np.ndarray:
+    """Numbers as an array; NaN for what is none."""
+    try:
+        array = np.asarray(given)
+    except (TypeError, ValueError):  # rows of unequal length
+        return np.array(np.nan)
+    return array.astype(float) if array.dtype.kind in "iuf" else np.array(np.nan)
+
+
 def _box(what: str, low: ArrayLike, high: ArrayLike, most: int = 3) -> tuple[np.ndarray, np.ndarray]:
-    a, b = (np.asarray(end, dtype=float) for end in (low, high))
+    a, b = _numbers(low), _numbers(high)
     shape = a.shape == b.shape and (a.shape in ((), (3,)) or (a.ndim == 1 and a.size <= most and what == "sobol"))
     if not shape or not np.all(np.isfinite(a) & np.isfinite(b) & (a < b)):
         raise InputError(
@@ -307,6 +322,7 @@ def axis_of(given: Mapping[str, Any], what: str) -> Axis:
             f"{what} has {', '.join(sorted(given)) or 'nothing'}; allowed: unit and one of {', '.join(kinds)}{extra}"
         )
     kind, unit = named[0], given.get("unit", "")
+    wanted = "mean, deviation and count" if kind == "normal" else "from, to and count"
     try:
         if kind == "values":
             return values(given["values"], unit=unit)
@@ -316,7 +332,7 @@ def axis_of(given: Mapping[str, Any], what: str) -> Axis:
     except InputError as error:
         raise InputError(f"{what}: {error}") from None
     except (TypeError, ValueError):
-        raise InputError(f"{what}: {kind} is {given[kind]!r}; allowed: a table of from, to and count") from None
+        raise InputError(f"{what}: {kind} is {given[kind]!r}; allowed: a table of {wanted}") from None
 
 
 def together_of(rows: Sequence[Mapping[str, Any]]) -> list[Axis]:
@@ -360,11 +376,20 @@ def together_of(rows: Sequence[Mapping[str, Any]]) -> list[Axis]:
 
 
 def scatter_of(text: Any, what: str) -> Scatter:
-    """Scatter as a study file writes it: `5 %`, or `0.2 mW`."""
+    """Scatter as a study file writes it: `5 %`, or `0.2 mW`.
+
+    Raises:
+        InputError: Anything else, or a deviation that is negative or not finite.
+    """
     if isinstance(text, str) and text.rstrip().endswith("%"):
-        return Scatter(100.0 * quantity(text, "", what))
-    number, _, unit = str(text).strip().partition(" ")
+        number, unit = 100.0 * quantity(text, "", what), "%"
+    else:
+        before, _, unit = str(text).strip().partition(" ")
+        try:
+            number = float(before)
+        except ValueError:
+            raise InputError(f"{what} is {text!r}; allowed: a deviation such as '5 %' or '0.2 mW'") from None
     try:
-        return Scatter(float(number), unit.strip())
-    except ValueError:
-        raise InputError(f"{what} is {text!r}; allowed: a deviation such as '5 %' or '0.2 mW'") from None
+        return Scatter(number, unit.strip())
+    except InputError as error:
+        raise InputError(str(error).replace("scatter", what, 1)) from None

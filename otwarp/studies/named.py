@@ -22,6 +22,7 @@ from otwarp.studies.observables import (
     delivered,
     first_passage,
     lost,
+    missing,
     orientation_error,
     trapped,
 )
@@ -74,6 +75,8 @@ def observable_of(given: dict[str, Any], what: str, folder: Path) -> Any:
     try:
         found = make(**rest)
     except TypeError:
+        if not set(rest) - set(inspect.signature(make).parameters) and (wanted := missing(make, rest)):
+            raise InputError(f"{what} has no {wanted[0]}; allowed: name, {allowed}") from None
         raise InputError(f"{what} has {', '.join(rest) or 'no parameters'}; allowed: name, {allowed}") from None
     if "name" not in given:
         return found

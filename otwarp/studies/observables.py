@@ -7,7 +7,8 @@ happened; all else is looked at every `every` seconds of the study.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+import inspect
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -183,7 +184,7 @@ def check_observables(given: Sequence[Any], scene: Scene) -> tuple[Observable, .
     """The observables of a study, those that wait for its scene made.
 
     Raises:
-        InputError: None at all, something else, or a name twice.
+        InputError: None at all, something else, one without what it needs, or a name twice.
     """
     found: list[Observable] = []
     for item in given if isinstance(given, list | tuple) else [given]:
@@ -192,6 +193,9 @@ def check_observables(given: Sequence[Any], scene: Scene) -> tuple[Observable, .
         if isinstance(made, OfScene):
             made = made.made(scene)
         elif not isinstance(made, Observable) and callable(made):
+            if wanted := missing(made, ()):
+                name = getattr(made, "__name__", repr(made))
+                raise InputError(f"observables hold {name} without {wanted[0]}; allowed: {name}({wanted[0]}=…)")
             made = made()
         if not isinstance(made, Observable):
             raise InputError(f"observables hold {item!r}; allowed: trapped(until=…), first_passage(), … or one's own")
@@ -203,6 +207,21 @@ def check_observables(given: Sequence[Any], scene: Scene) -> tuple[Observable, .
         raise InputError(f"observables are {', '.join(names) or 'none'}; allowed: one or more"
                          f"{f', {again} once or under another name' if again else ''}")  # fmt: skip
     return tuple(found)
+
+
+def missing(make: Callable[..., Any], given: Collection[str]) -> list[str]:
+    """Names of parameters that have no default and are not given.
+
+    Args:
+        make: What makes an observable.
+        given: Names of those that are.
+    """
+    try:
+        parameters = inspect.signature(make).parameters.values()
+    except (TypeError, ValueError):  # of a builtin function
+        return []
+    wanted = [p for p in parameters if p.default is p.empty and p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
+    return [p.name for p in wanted if p.name not in given]
 
 
 def _check_body(asked: Observable, scene: Scene) -> None:

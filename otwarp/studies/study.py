@@ -94,6 +94,7 @@ class Study:
         scatter: Mapping[str, Scatter] | None = None,
         options: StepOptions | None = None,
     ):
+        _check_kinds(scene, stop, scatter, options)
         file = scene.file if isinstance(scene, Scene) else shipped.find("scenes", scene)
         if file is None:
             raise InputError(
@@ -299,6 +300,22 @@ def _check_as_read(scene: Scene, there: Scene) -> None:
     where, file, now = difference(there, scene) or ("something", "one", "another")
     raise InputError(f"the scene is not that of its file {scene.file}: {where} is {file} there, {now} now; allowed: "
                      "as it was read, so save the changed one by SceneBuilder, or make the change an axis")  # fmt: skip
+
+
+def _check_kinds(scene: Any, stop: Any, scatter: Any, options: Any) -> None:
+    """Refuse arguments of a study that are of another kind.
+
+    Raises:
+        InputError: The first of them.
+    """
+    for name, value, kinds, allowed in (
+        ("scene", scene, (Scene, str, Path), "a scene, the path of its file, or the name of a shipped one"),
+        ("stop", stop, (Stop, type(None)), "a rule such as half_width(…) or trials(…)"),
+        ("scatter", scatter, (Mapping, type(None)), "names of parameters with Scatter(…) for each, as a dict"),
+        ("options", options, (StepOptions, type(None)), "StepOptions(…)"),
+    ):
+        if not isinstance(value, kinds):
+            raise InputError(f"{name} is {value!r}; allowed: {allowed}")
 
 
 def _scattered(name: str, scatter: Any, scene: Scene, variations: Variations) -> Target:

@@ -10,9 +10,9 @@ import pytest
 from otwarp.cli.main import main
 from otwarp.errors import InputError
 from otwarp.scene import Scene
-from otwarp.studies.axes import Scatter, grid, sobol, values
+from otwarp.studies.axes import Scatter, grid, normal, random, sobol, values
 from otwarp.studies.engines.run import run_study
-from otwarp.studies.observables import delivered
+from otwarp.studies.observables import delivered, trapped
 from otwarp.studies.stopping.rules import half_width, trials
 from tests.studies.scenes import bead_in_a_well, study_of, study_of_a_well
 
@@ -92,6 +92,15 @@ def test_bad_lists():
         lambda: sobol([0, 0], [1, 1], 8, unit=["mW"]),
         lambda: sobol(0, 1, 8, unit=3),  # type: ignore[arg-type]
         lambda: grid(0, 1, 2, unit=None),  # type: ignore[arg-type]
+        lambda: grid("a", 1, 2, unit="mW"),  # type: ignore[arg-type]
+        lambda: grid(True, 2, 2),
+        lambda: grid([0, 1], 2, 2),  # type: ignore[arg-type]
+        lambda: random("a", 1, 2),
+        lambda: normal(1, "a", 2),
+        lambda: normal([1, 2, 3], [1, 2], 2),
+        lambda: Scatter("a"),  # type: ignore[arg-type]
+        lambda: half_width("a"),  # type: ignore[arg-type]
+        lambda: half_width(0.1, level="a"),  # type: ignore[arg-type]
         lambda: Scatter(-1.0),
         lambda: Scatter(5.0, 3),  # type: ignore[arg-type]
         lambda: half_width(0.7),
@@ -101,10 +110,9 @@ def test_bad_lists():
             make()
 
 
-def test_bad_files(tmp_path, scene, capsys):
-    """One line, exit code 2, and nothing is written."""
-    (tmp_path / "well.usda").write_text(scene.read_text())
-    for old, new, said in (
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
         ('unit = "mW"', 'unit = "kg"', "unit 'kg'"),
         ("trials = 2048", "trials = -1", "trials is -1"),
         ("seed = 3", 'every = "0 s"', "every is 0.0"),
@@ -121,21 +129,56 @@ def test_bad_files(tmp_path, scene, capsys):
             'together = [{ name = "seen", values = [1] }, { name = "seen", values = [2] }]',
             "axis seen stands there twice; allowed: once",
         ),
+        ("grid = { from = 0.2", "grid = { from = true", "axis trap_power: grid from True to 1; allowed: finite"),
+        (
+            "grid = { from = 0.2, to = 1, count = 6 }",
+            'normal = { mean = 1, deviation = "a", count = 3 }',
+            "axis trap_power: normal with mean 1 and deviation a; allowed: finite numbers, no deviation < 0",
+        ),
+        (
+            "grid = { from = 0.2, to = 1, count = 6 }",
+            "normal = { mean = 1, count = 3 }",
+            "'count': 3}; allowed: a table of mean, deviation and count",
+        ),
+        ('until = "0.1 s"\n', "", "observable 1 has no until; allowed: name, until"),
+        ("[stop]", '[scatter]\ntrap_power = "-5 %"\n[stop]', "scatter of trap_power has the deviation -5"),
         ('unit = "mW"', "unit = 3", "axis trap_power: unit is 3; allowed: a text such as 'mW'"),
         ("[stop]", '[options]\nfast_math = "yes"\n[stop]', "fast_math is 'yes'; allowed: true or false"),
         ("[stop]", '[options]\nintegrator = ["heun"]\n[stop]', "integrator is ['heun']; allowed: "),
-    ):
-        assert old in FILE
-        (tmp_path / "bad.toml").write_text(FILE.replace(old, new))
-        assert main(["study", "run", str(tmp_path / "bad.toml"), "-o", str(tmp_path / "out")]) == 2
-        assert said in (error := capsys.readouterr().err) and error.count("\n") == 1
-        assert not (tmp_path / "out").exists()
+    ],
+)
+def test_bad_files(tmp_path, scene, capsys, old, new, said):
+    """One line, exit code 2, and nothing is written."""
+    (tmp_path / "well.usda").write_text(scene.read_text())
+    assert old in FILE
+    (tmp_path / "bad.toml").write_text(FILE.replace(old, new))
+    assert main(["study", "run", str(tmp_path / "bad.toml"), "-o", str(tmp_path / "out")]) == 2
+    assert said in (error := capsys.readouterr().err) and error.count("\n") == 1
+    assert not (tmp_path / "out").exists()
 
 
 def test_unwritable(scene):
     """A place that refuses is found out before anything is computed."""
     with pytest.raises(InputError, match="cannot be written"):
         run_study(study_of(scene), "/proc/study")
+
+
+@pytest.mark.parametrize(
+    ("how", "said"),
+    [
+        ({"axes": 3}, "axes are 3; allowed: names with grid"),
+        ({"axes": [1]}, r"axes are \[1\]; allowed: names"),
+        ({"stop": 3}, "stop is 3; allowed: a rule"),
+        ({"scatter": 3}, "scatter is 3; allowed: names"),
+        ({"options": 3}, "options is 3; allowed: StepOptions"),
+        ({"scene": 3}, "scene is 3; allowed: a scene, the path"),
+        ({"observables": [trapped]}, r"observables hold trapped without until; allowed: trapped\(until=…\)"),
+    ],
+)
+def test_arguments_of_another_kind(scene, how, said):
+    """Each is named."""
+    with pytest.raises(InputError, match=said):
+        study_of(**({"scene": scene} | how))
 
 
 @pytest.mark.parametrize(

@@ -51,7 +51,7 @@ def check_level(level: ArrayLike) -> None:
         InputError: One line.
     """
     of = np.asarray(level)
-    if not np.all((of > 0.0) & (of < 1.0)):
+    if of.dtype.kind not in "iuf" or not np.all((of > 0.0) & (of < 1.0)):
         raise InputError(f"level is {level!r}; allowed: above 0 and below 1")
 
 

@@ -57,7 +57,8 @@ class Stop:
         check_level(self.level)
         if self.method not in self.methods:
             raise InputError(f"method is {self.method!r}; allowed: {', '.join(self.methods)}")
-        if self.half_width is not None and not 0.0 < self.half_width < 0.5:
+        width = self.half_width
+        if width is not None and not (isinstance(width, int | float | np.floating) and 0.0 < width < 0.5):
             raise InputError(f"half width is {self.half_width!r}; allowed: above 0 and below 0.5")
         for name in ("at_least", "at_most", *(() if self.budget is None else ("budget",))):
             number = getattr(self, name)
