@@ -10,7 +10,7 @@ import numpy as np
 from pettingzoo import ParallelEnv as PettingZooParallelEnv
 
 from otwarp.envs.grouped import environment
-from otwarp.envs.task import Task
+from otwarp.envs.task import Task, check_task
 from otwarp.errors import InputError
 
 
@@ -31,6 +31,7 @@ class ParallelEnv(PettingZooParallelEnv):
     def __init__(self, task: Task, *, device: str | None = "cpu", render_mode: str | None = None):
         from gymnasium import spaces
 
+        check_task(task)
         if task.choices:
             raise InputError(f"task {task.name} has choices, which are of all hands; allowed: tasks without")
         self.env = environment(task, device=device, render_mode=render_mode)

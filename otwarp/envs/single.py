@@ -8,7 +8,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from otwarp.envs.actions import check, read_action, write_actions
+from otwarp.envs.actions import check, check_finite, read_action, write_actions
 from otwarp.envs.batch import Batch
 from otwarp.envs.images import images_of
 from otwarp.envs.layout import Layout
@@ -75,7 +75,7 @@ class Env(gymnasium.Env):
         """
         self.refuse_closed()
         given = read_seed(seed)
-        if options:
+        if options is not None and not (isinstance(options, Mapping) and not options):
             wrong = next(iter(options)) if isinstance(options, Mapping) else options
             raise InputError(f"option {wrong!r} of reset is unknown; allowed: none")
         super().reset(seed=given)
@@ -112,6 +112,7 @@ class Env(gymnasium.Env):
         given = read_action(action)
         kinds, named = ("iu", "whole numbers") if self.task.choices else ("f", "floating-point numbers")
         check(given.dtype.kind in kinds, str(given.dtype), given.shape, self.action_space.shape or (), named)
+        check_finite(given)
         write_actions(self.task, given[None], batch.actions)
         batch.step()
         info = {name: value[0] for name, value in information(batch, self._read).items()}

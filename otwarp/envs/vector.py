@@ -246,7 +246,8 @@ def read_seeds(seed: Any, num_envs: int) -> np.ndarray:
     if isinstance(seed, int | np.integer) and not isinstance(seed, bool):
         given: list[Any] = [int(seed) + i for i in range(num_envs)]
     else:
-        given = list(seed) if isinstance(seed, Sequence | np.ndarray) else [seed]
+        text = isinstance(seed, str | bytes | bytearray | memoryview)
+        given = list(seed) if isinstance(seed, Sequence | np.ndarray) and not text else [seed]
     good = all(s is None or (isinstance(s, int | np.integer) and not isinstance(s, bool) and s >= 0) for s in given)
     if len(given) != num_envs or not good:
         raise InputError(f"seed is {seed!r}; allowed: a whole number from 0 on, or {num_envs} of them or None")

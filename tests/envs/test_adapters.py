@@ -46,6 +46,8 @@ def test_sb3(device):
     assert vec.get_attr("num_envs") == [3, 3, 3] and vec.env_is_wrapped(object) == [False] * 3
     with pytest.raises(InputError, match="allowed"):
         SB3VecEnv(envs("numpy", device, "NextStep"))
+    with pytest.raises(InputError, match="environments for SB3VecEnv are 3; allowed: a VectorEnv with"):
+        SB3VecEnv(3)
 
 
 def test_sb3_with_images_beside_states(device):
@@ -77,6 +79,8 @@ def test_skrl(device):
     assert torch.equal(env.reset()[0], seen) and env.num_envs == 3 and str(env.device) == device
     with pytest.raises(InputError, match="allowed"):
         SkrlEnv(envs("numpy", device))
+    with pytest.raises(InputError, match="environments for SkrlEnv are 3; allowed: a VectorEnv with"):
+        SkrlEnv(3)
 
 
 def test_rsl_rl(device):
@@ -93,6 +97,8 @@ def test_rsl_rl(device):
     assert torch.equal(seen["policy"], env.get_observations()["policy"])
     with pytest.raises(InputError, match="allowed"):
         RslRlVecEnv(envs("numpy", device))
+    with pytest.raises(InputError, match="environments for RslRlVecEnv are 3; allowed: a VectorEnv with"):
+        RslRlVecEnv(3)
 
 
 @pytest.mark.parametrize("name", ["skrl", "rsl_rl"])

@@ -20,6 +20,12 @@ def env(device):
     return ParallelEnv(from_scene("scenes/teleop_small.usda", time_limit=0.1), device=device)
 
 
+def test_what_is_no_task_is_refused():
+    for wrong in (None, 3):
+        with pytest.raises(InputError, match=f"task is {wrong}; allowed: a Task"):
+            ParallelEnv(wrong)
+
+
 def test_a_step_without_an_episode_is_refused(env):
     for actions in ({}, STILL):
         with pytest.raises(InputError, match=r"allowed: reset\(\) first"):

@@ -99,7 +99,7 @@ def test_bad_actions_are_refused_and_change_nothing(device):
     wanted = env.step(good)[0]
     env.reset(seed=1)
     for bad, said in (
-        (np.array([np.nan, 0.0], dtype=np.float32), "action (0, 0) is nan; allowed: finite"),
+        (np.array([np.nan, 0.0], dtype=np.float32), "action 0 is nan; allowed: finite"),
         (np.zeros(3, dtype=np.float32), "of shape (3,); allowed: floating-point numbers of shape (2,)"),
         (np.zeros(2, dtype=int), "int64 of shape (2,); allowed: floating-point numbers of shape (2,)"),
         ("left", "allowed: floating-point numbers of shape (2,)"),
@@ -130,6 +130,8 @@ def test_bad_actions_are_refused_and_change_nothing(device):
             "options of reset are 3; allowed: {'reset_mask': …}",
         ),
         (lambda: Env(TASK, device="cpu").reset(options=3), "option 3 of reset is unknown"),
+        (lambda: Env(TASK, device="cpu").reset(options=np.array([1, 2])), "of reset is unknown; allowed: none"),
+        (lambda: VectorEnv(TASK, 3, device="cpu").reset(seed=b"abc"), "seed is b'abc'; allowed: a whole number"),
         (lambda: VectorEnv(TASK, 0), "num_envs"),
         (lambda: VectorEnv(TASK, 1, arrays="jax"), "arrays is 'jax'; allowed: numpy, torch"),
         (lambda: VectorEnv(TASK, 1, autoreset_mode="never"), "autoreset_mode is 'never'; allowed: NextStep"),
@@ -164,7 +166,22 @@ def test_one_environment_takes_tensors_of_the_host(device):
     env.reset(seed=1)
     refused(lambda: env.step(torch.zeros(2, device="meta")), "action is on meta; allowed: an array of NumPy")
     refused(lambda: env.step(torch.zeros(3)), "of shape (3,); allowed: floating-point numbers of shape (2,)")
+    refused(lambda: env.step(torch.zeros(2).to_sparse()), "of layout sparse_coo; allowed: strided")
     assert np.array_equal(env.step(torch.zeros(2, requires_grad=True))[0], wanted)
+    env.reset(seed=1)
+    assert np.array_equal(env.step(torch.zeros(2, dtype=torch.bfloat16))[0], wanted)
+
+
+def test_many_environments_refuse_tensors_of_another_kind(device):
+    torch = pytest.importorskip("torch")
+    many = VectorEnv(SHORT, 2, device=device)
+    many.reset(seed=1)
+    still = torch.zeros((2, 2), device=device)
+    refused(lambda: many.step(still.to_sparse()), "actions are a tensor of layout sparse_coo; allowed: strided")
+    many.step(still.bfloat16())
+    chosen = VectorEnv(dataclasses.replace(SHORT, choices=((0.0, 0.0), (1.0, 0.0))), 2, device=device)
+    chosen.reset(seed=1)
+    refused(lambda: chosen.step(torch.tensor([0j, 1], device=device)), "torch.complex64 of shape (2,); allowed: whole")
 
 
 def test_tensors_are_on_the_memory_of_the_environments(device):

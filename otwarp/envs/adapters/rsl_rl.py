@@ -30,12 +30,16 @@ class RslRlVecEnv(VecEnv):
     """
 
     def __init__(self, envs: VectorEnv, seed: int | None = None):
-        base: Any = envs.unwrapped
-        same, numbers = envs.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP, not base.task.choices
-        if base.arrays != "torch" or not same or not numbers or envs.single_action_space.shape == ():
-            raise InputError(
-                "environments for RslRlVecEnv: allowed: arrays='torch', autoreset_mode='SameStep', actions of numbers"
-            )
+        base: Any = getattr(envs, "unwrapped", None)
+        good = (
+            getattr(base, "arrays", None) == "torch"
+            and envs.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+            and not base.task.choices
+            and envs.single_action_space.shape != ()
+        )
+        if not good:
+            raise InputError(f"environments for RslRlVecEnv are {envs}; allowed: a VectorEnv with arrays='torch', "
+                             "autoreset_mode='SameStep' and actions of numbers")  # fmt: skip
         self.envs, self.cfg = envs, {"task": base.task.name}
         self.num_envs, self.num_actions = envs.num_envs, envs.single_action_space.shape[0]  # type: ignore[index]
         self.max_episode_length = max(1, round(base.task.time_limit * base.task.rate))

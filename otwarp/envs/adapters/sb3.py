@@ -24,8 +24,10 @@ class SB3VecEnv(VecEnv):
     """
 
     def __init__(self, envs: VectorEnv):
-        if envs.unwrapped.arrays != "numpy" or envs.metadata["autoreset_mode"] is not AutoresetMode.SAME_STEP:  # type: ignore[attr-defined]
-            raise InputError("environments for SB3VecEnv: allowed: arrays='numpy', autoreset_mode='SameStep'")
+        arrays = getattr(getattr(envs, "unwrapped", None), "arrays", None)
+        if arrays != "numpy" or envs.metadata["autoreset_mode"] is not AutoresetMode.SAME_STEP:
+            raise InputError(f"environments for SB3VecEnv are {envs}; "
+                             "allowed: a VectorEnv with arrays='numpy', autoreset_mode='SameStep'")  # fmt: skip
         self.envs = envs
         self._actions: np.ndarray | None = None
         self._first: int | None = None

@@ -29,8 +29,10 @@ class SkrlEnv(Wrapper):
     """
 
     def __init__(self, envs: VectorEnv, seed: int | None = None):
-        if envs.unwrapped.arrays != "torch" or envs.metadata["autoreset_mode"] is not AutoresetMode.SAME_STEP:  # type: ignore[attr-defined]
-            raise InputError("environments for SkrlEnv: allowed: arrays='torch', autoreset_mode='SameStep'")
+        arrays = getattr(getattr(envs, "unwrapped", None), "arrays", None)
+        if arrays != "torch" or envs.metadata["autoreset_mode"] is not AutoresetMode.SAME_STEP:
+            raise InputError(f"environments for SkrlEnv are {envs}; "
+                             "allowed: a VectorEnv with arrays='torch', autoreset_mode='SameStep'")  # fmt: skip
         super().__init__(envs)
         self.envs, self._first = envs, seed
         self._seen: torch.Tensor | None = None
