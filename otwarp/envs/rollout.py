@@ -56,7 +56,7 @@ def policy_of(task: Task, name: str, *, seed: int = 0) -> Policy:
     if name == "expert":
         if task.expert is None:
             raise InputError(f"task {task.name} has no scripted expert; allowed: random, still")
-        return task.expert()
+        return _scripted(task, task.expert())
     width = len(task.choices[0]) if task.choices else None
     if name == "random":
         draws = np.random.Generator(np.random.Philox(seed))
@@ -71,6 +71,25 @@ def policy_of(task: Task, name: str, *, seed: int = 0) -> Policy:
     if name == "still":
         return lambda seen, fresh: np.zeros((len(fresh), numbers_of(task)))
     raise InputError(f"policy is {name!r}; allowed: {', '.join(POLICIES)}")
+
+
+def _scripted(task: Task, script: Policy) -> Policy:
+    """The script of a task, held to the numbers that its actions have."""
+    wanted = numbers_of(task)
+
+    def policy(seen: Any, fresh: np.ndarray) -> np.ndarray:
+        """What the script does.
+
+        Raises:
+            InputError: Its actions have other numbers, as options may have changed those of the task.
+        """
+        acted = np.asarray(script(seen, fresh))
+        if acted.shape[1:] != (wanted,):
+            raise InputError(f"expert of {task.name} acts by {acted.shape[-1]} numbers, an action has {wanted} here; "
+                             "allowed: the task's own actions, no option that changes them")  # fmt: skip
+        return acted
+
+    return policy
 
 
 def numbers_of(task: Task) -> int:

@@ -105,6 +105,10 @@ def test_what_a_policy_did_is_an_object_for_a_program(capsys):
     ("given", "said"),
     [
         (["--policy", "still", "--device", "bogus"], "bogus"),
+        (
+            ["--policy", "expert", "--option", "action=power"],
+            "expert of otwarp/Navigate-v0 acts by 2 numbers, an action has 1 here; allowed: the task's own actions",
+        ),
         (["--policy", "still", "--left", "mouse"], "--left with --policy, which runs no session; allowed: --seed"),
         (["--policy", "still", "--speed", "1"], "--speed with --policy"),
         (["--policy", "still", "--duration", "1"], "--duration with --policy"),
