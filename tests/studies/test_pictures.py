@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from matplotlib.figure import Figure
 from otwarp.cli.main import main
 from otwarp.studies import figure
 from otwarp.studies.axes import values
-from otwarp.studies.engines.run import run_study
+from otwarp.studies.engines.run import prepare, run_study
 from otwarp.studies.observables import first_passage, trapped
 from otwarp.studies.rare.figure import draw_escapes
 from otwarp.studies.results import table
@@ -35,13 +36,17 @@ def scene(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def store(scene, tmp_path_factory) -> Store:
+def study(scene) -> Study:
     """Two powers from three places: nobody escapes from the middle or at the higher power, nearly all from the rim."""
     axes = {
         "trap_power": values([0.1, 4.0], unit="mW"),
         "start.x:/World/bead": values([0.0, 200.0, 395.0], unit="nm"),
     }
-    study = Study(scene, axes=axes, observables=[first_passage(), trapped(until=0.004)], stop=trials(N), seed=3)
+    return Study(scene, axes=axes, observables=[first_passage(), trapped(until=0.004)], stop=trials(N), seed=3)
+
+
+@pytest.fixture(scope="module")
+def store(study, tmp_path_factory) -> Store:
     return run_study(study, tmp_path_factory.mktemp("store") / "out", devices=["cpu"])
 
 
@@ -128,12 +133,34 @@ def test_what_cannot_be_drawn(store, tmp_path, capsys):
         (["--at", "trap_power=1"], "--at; allowed with --plot"),
         ([*plot, "--at", "trap_power"], "--at is trap_power; allowed: an axis and a number"),
         ([*plot, "--at", "trap_powr=1"], "--at has the axis 'trap_powr'; allowed: trap_power, start_x_bead"),
+        ([*plot, "--at", "trap_power=1", "--at", "trap_power=2"], "--at trap_power is given 2 times; allowed: once"),
         ([*plot, "--survival", "--observable", "trapped"], "--survival of trapped; allowed: a time"),
     ):
         assert main([*line, *more]) == 2
         error = capsys.readouterr().err
         assert said in error and error.count("\n") == 1
     assert main([*line, *plot, "--survival"]) == 0 and (tmp_path / "a.png").stat().st_size > 1000
+
+
+def test_a_picture_with_json_prints_one_value_alone(store, tmp_path, capsys):
+    """The rows of the table, as without a picture, whose file is named on standard error."""
+    line = ["study", "show", str(store.folder), "--json"]
+    assert main(line) == 0
+    rows = capsys.readouterr().out
+    for more in ([], ["--contour", "0.5", "--observable", "trapped"]):
+        assert main([*line, *more, "--plot", str(tmp_path / "a.png")]) == 0
+        said = capsys.readouterr()
+        assert said.out == rows and len(json.loads(rows)) == 6 and "wrote" in said.err
+
+
+@pytest.mark.filterwarnings("error")
+def test_no_contour_of_a_study_that_has_not_run(study, tmp_path, capsys):
+    """Refused as a picture is."""
+    empty = tmp_path / "out"
+    prepare(study, empty)
+    for more in (["--contour", "0.5"], ["--plot", str(tmp_path / "a.png")]):
+        assert main(["study", "show", str(empty), *more]) == 2
+        assert "out: no point is computed yet; allowed: a study that has run" in capsys.readouterr().err
 
 
 def test_a_contour_that_is_nowhere(store, capsys):

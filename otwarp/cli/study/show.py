@@ -65,16 +65,23 @@ def show(folder: Path, plot: Path | None, observable: str | None, contour: float
     for name in ("survival", "at"):
         if how[name] and plot is None:
             raise InputError(f"--{name}; allowed with --plot")
+    names = [name for name, _ in how["at"]]
+    again = next((name for name in names if names.count(name) > 1), None)
+    if again is not None:
+        raise InputError(f"--at {again} is given {names.count(again)} times; allowed: once for each axis")
     store = open_store(folder)
     if plot is not None:
         from otwarp.studies.figure import draw
 
         with with_room(plot):
             draw(store, plot, name=observable, level=contour, survival=how["survival"], at=dict(how["at"]))
-        click.echo(f"wrote {plot}")
-        return
+        click.echo(f"wrote {plot}", err=how["as_json"])
+        if not how["as_json"]:
+            return
     found = table(store)
-    if contour is not None:
+    if contour is not None and plot is None:
+        if not np.any(found["trials"].values):
+            raise InputError(f"{store.folder}: no point is computed yet; allowed: a study that has run")
         kinds = {o["name"]: o["kind"] for o in store.asked()["observables"]}
         name = observable or next((n for n, kind in kinds.items() if kind == "probability"), next(iter(kinds)))
         lines = contour_lines(found, name, contour)
