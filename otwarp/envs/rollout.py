@@ -84,8 +84,8 @@ def _scripted(task: Task, script: Policy) -> Policy:
             InputError: Its actions have other numbers, as options may have changed those of the task.
         """
         acted = np.asarray(script(seen, fresh))
-        if acted.shape[1:] != (wanted,):
-            raise InputError(f"expert of {task.name} acts by {acted.shape[-1]} numbers, an action has {wanted} here; "
+        if acted.ndim == 2 and acted.shape[1] != wanted:
+            raise InputError(f"expert of {task.name} acts by {acted.shape[1]} numbers, an action has {wanted} here; "
                              "allowed: the task's own actions, no option that changes them")  # fmt: skip
         return acted
 

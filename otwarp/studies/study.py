@@ -319,6 +319,8 @@ def _check_kinds(scene: Any, stop: Any, scatter: Any, options: Any) -> None:
 
 
 def _scattered(name: str, scatter: Any, scene: Scene, variations: Variations) -> Target:
+    if not isinstance(name, str):
+        raise InputError(f"scatter of {name!r}; allowed: the name of a parameter")
     target = target_of(name, scene, variations)
     if not isinstance(scatter, Scatter) or target.kind != "parameter" or target.vector:
         raise InputError(f"scatter of {name} is {scatter!r}; allowed: Scatter of a parameter that is a number")

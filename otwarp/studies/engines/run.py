@@ -50,6 +50,9 @@ def run_study(
     """
     folder, devices = _path(folder), _devices(devices)
     _check_shard(shard)
+    for name, given in (("engine", engine), ("progress", progress)):
+        if given is not None and not callable(given):
+            raise InputError(f"{name} is {given!r}; allowed: a function, or None")
     rounds = study.stop.budget is not None
     if rounds and shard is not None:
         raise InputError(f"--shard is {shard[0]}/{shard[1]}; allowed for a study with a budget: none, all points share "
