@@ -72,12 +72,14 @@ class Microscope:
     pixel: float = 0.1
 
     def __post_init__(self) -> None:
+        finest = self.nyquist_pixel if min(self.numerical_aperture, self.medium_index) > 0.0 else math.inf
         limits = {
+            "medium_index": (0.0, 4.0, "the largest index"),
             "numerical_aperture": (0.0, self.immersion_index, "the index of the immersion"),
             "condenser_aperture": (-1e-12, self.medium_index, "the index of the medium"),
             "wavelength": (0.1, 10.0, "10 µm"),
             "bandwidth": (-1e-12, 0.5 * self.wavelength, "half the wavelength"),
-            "pixel": (0.0, self.nyquist_pixel * (1.0 + 1e-9), "λ/(4 NA), which resolves what the objective passes"),
+            "pixel": (0.0, finest * (1.0 + 1e-9), "λ/(4 NA), which resolves what the objective passes"),
         }
         for name, (low, high, what) in limits.items():
             value = getattr(self, name)

@@ -39,7 +39,7 @@ class Rendering:
         spacing: Of points where light is computed, at most [µm]; None: 0.29 wavelengths.
 
     Raises:
-        InputError: No such method.
+        InputError: No such method, or a spacing that is not above 0.
     """
 
     method: str = "two_index"
@@ -56,6 +56,8 @@ class Rendering:
             value = getattr(self, name)
             if isinstance(value, str) and value != "auto":
                 raise InputError(f"{name} is {value!r}; allowed: auto, or a number")
+        if self.spacing is not None and not self.spacing > 0.0:
+            raise InputError(f"spacing is {self.spacing:g} µm; allowed: above 0")
 
 
 @dataclass(frozen=True, eq=False)

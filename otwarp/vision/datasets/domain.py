@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -48,7 +49,7 @@ PARAMETERS: Mapping[str, Parameter] = {
     "azimuth": Parameter("pose", "deg", "turn of the source points about the axis of light", -360.0, 360.0),
     "x": Parameter("image", "um", "centre of the robot from that of the middle pixel, to the right", -1e3, 1e3),
     "y": Parameter("image", "um", "centre of the robot from that of the middle pixel, upwards", -1e3, 1e3),
-    "numerical_aperture": Parameter("image", "1", "of the objective", 0.0, 1.7),
+    "numerical_aperture": Parameter("image", "1", "of the objective", 0.01, 1.7),
     "glass_depth": Parameter("image", "um", "of the focal plane below the cover glass, nominal", 0.0, 1e3),
     "defocus": Parameter("image", "wavelength", "root mean square of Zernike's polynomial 4", -10.0, 10.0),
     "astigmatism": Parameter("image", "wavelength", "root mean square of Zernike's polynomial 6", -10.0, 10.0),
@@ -114,12 +115,23 @@ def number(given: Any, name: str, low: float = -math.inf, high: float = math.inf
     Raises:
         InputError: None, or out of it.
     """
-    if isinstance(given, bool) or not isinstance(given, int | float) or not math.isfinite(given):
+    if isinstance(given, bool) or not isinstance(given, int | float) or not abs(given) <= sys.float_info.max:
         raise InputError(f"{name} is {given!r}; allowed: a finite number")
     if not low <= given <= high:
         ends = f"{low:g} to {high:g}" if math.isfinite(high) else f"{low:g} or more"
         raise InputError(f"{name} is {given:g}; allowed: {ends}")
     return float(given)
+
+
+def truth(given: Any, name: str) -> bool:
+    """True or false.
+
+    Raises:
+        InputError: Neither.
+    """
+    if not isinstance(given, bool):
+        raise InputError(f"{name} is {given!r}; allowed: true or false")
+    return given
 
 
 def whole(given: Any, name: str, low: int, high: int) -> int:

@@ -39,7 +39,7 @@ import numpy as np
 from otwarp import shipped
 from otwarp.errors import InputError
 from otwarp.scene import Scene
-from otwarp.vision.datasets.domain import Range, domain_of, number, whole
+from otwarp.vision.datasets.domain import Range, domain_of, number, truth, whole
 from otwarp.vision.datasets.robot import Robot
 from otwarp.vision.microscope import Microscope
 from otwarp.vision.rendering import Rendering
@@ -126,7 +126,7 @@ def load_spec(file: str | Path) -> Spec:
     except FileNotFoundError:
         hint = shipped.hint("vision", path)
         raise InputError(f"{path}: there is no such file; allowed: a data set in TOML{hint}") from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read: {error}") from None
     try:
         return _spec(said, path.parent, text)
@@ -171,14 +171,20 @@ def _spec(said: dict[str, Any], folder: Path, text: str) -> Spec:
         robots=whole(said.get("robots", 1), "robots", 1, 100_000),
         poses=whole(said.get("poses", 1), "poses", 1, 100_000),
         between=between,
-        between_count=whole(depth.get("between_count", count), "depth, between_count,", 1, 100_000) if between else 0,
-        scattered=bool(depth.get("scattered", False)),
+        between_count=_between_count(depth, count, between),
+        scattered=truth(depth.get("scattered", False), "depth, scattered,"),
         volume=volume,
         domain=domain,
         splits=splits,
         seed=whole(said.get("seed", 0), "seed", 0, 2**32 - 1),
         text=text,
     )
+
+
+def _between_count(depth: Mapping[str, Any], count: int, between: int) -> int:
+    """Focal positions of a tilt of no class; 0 where there are none, yet what the file says is looked at."""
+    given = whole(depth.get("between_count", count), "depth, between_count,", 1 if between else 0, 100_000)
+    return given if between else 0
 
 
 def _scene(said: Mapping[str, Any], folder: Path) -> Scene | None:
@@ -203,7 +209,7 @@ def _solids(said: Mapping[str, Any], axis: np.ndarray | None) -> Robot:
         for n, table in enumerate(tables, start=1):
             name = f"{kind} {n}"
             _known(table, name, (*dict.fromkeys(ends), "radius", "index"))
-            rows.append((*(_vector(table.get(end), f"{name}, {end},") for end in ends),
+            rows.append((*(_vector(table.get(end), f"{name}, {end},", 1e3) for end in ends),
                          number(table.get("radius"), f"{name}, radius,", 1e-3, 1e3),
                          number(table.get("index", 1.52), f"{name}, index,", 1.0, 4.0)))  # fmt: skip
     if not rows:
@@ -267,7 +273,7 @@ def _rendering(said: Mapping[str, Any]) -> tuple[Rendering, float | None]:
         if name == "rings":
             whole(value, "render, rings,", 1, 100)
         elif name != "method":
-            number(value, f"render, {name},", 0.0, 1e3)
+            number(value, f"render, {name},", 0.0 if name == "margin" else 1e-3, 1e3)
     return Rendering(**given), volume
 
 
@@ -285,10 +291,11 @@ def _known(table: dict[str, Any], name: str, allowed: Any) -> dict[str, Any]:
     return table
 
 
-def _vector(given: Any, name: str) -> np.ndarray:
+def _vector(given: Any, name: str, reach: float = 1e6) -> np.ndarray:
+    """Three numbers, none farther from 0 than `reach`."""
     if not isinstance(given, list) or len(given) != 3:
         raise InputError(f"{name} is {given!r}; allowed: three numbers")
-    return np.array([number(v, name) for v in given])
+    return np.array([number(v, name, -reach, reach) for v in given])
 
 
 def _texts(zernike: Mapping[int, float]) -> dict[str, float]:

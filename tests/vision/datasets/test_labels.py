@@ -76,6 +76,21 @@ def test_unseen_tilts_are_those_between_or_whole_classes(tmp_path: Path) -> None
             "numerical_aperture = 1.6",
             "numerical_aperture of the microscope is 1.6; allowed: ",
         ),
+        (
+            "numerical_aperture = 1.0",
+            "numerical_aperture = 0",
+            "numerical_aperture of the microscope is 0; allowed: above 0, up to 1.518",
+        ),
+        ("[optics]", "[optics]\nmedium_index = 0", "medium_index of the microscope is 0; allowed: above 0, up to 4"),
+        ("[domain]", "[domain]\nnumerical_aperture = 0", "domain, numerical_aperture, is 0; allowed: 0.01 to 1.7"),
+        ("margin = 1", "margin = 1\nspacing = 0", "render, spacing, is 0; allowed: 0.001 to 1000"),
+        ("thickness = 0.2", "thickness = 0", "render, thickness, is 0; allowed: 0.001 to 1000"),
+        ("[-0.8, 0, 0]", "[1e100, 0, 0]", r"sphere 1, center, is 1e\+100; allowed: -1000 to 1000"),
+        ("[-0.8, 0, 0]", f"[1{400 * '0'}, 0, 0]", "sphere 1, center, is 10*; allowed: a finite number"),
+        ("poses = 1", "axis = [1e300, 0, 0]", r"axis is 1e\+300; allowed: -1e\+06 to 1e\+06"),
+        ("count = 12", 'count = 12\nscattered = "no"', "depth, scattered, is 'no'; allowed: true or false"),
+        ("count = 12", "count = 12\nscattered = 1", "depth, scattered, is 1; allowed: true or false"),
+        ("between_count = 6", "between_count = 0", "between_count, is 0; allowed: a whole number, 1 to 100000"),
         ("pixel = 0.13", "pixel = 0.2", "pixel of the microscope is 0.2; allowed: above 0, up to 0.1375, λ"),
         ("width = 32", "width = 16", "reaches 1.[0-9]+ µm from the middle along x; allowed: up to 1.04 µm, the frame"),
         (
@@ -111,3 +126,11 @@ def test_nonsense_is_refused_before_anything_is_rendered(
     out, error = capfd.readouterr()
     assert out == "" and error.count("\n") == 1 and error.startswith("otwarp: ")
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("count", ['"x"', "-1", "true"])
+def test_counts_of_tilts_that_are_not_there_are_looked_at(tmp_path: Path, count: str) -> None:
+    text = TEXT.replace("between = 1", "")
+    with pytest.raises(InputError, match=r"depth, between_count, is .*; allowed: a whole number, 0 to 100000"):
+        labels(tmp_path, text.replace("between_count = 6", f"between_count = {count}"))
+    assert labels(tmp_path, text.replace("between_count = 6", "between_count = 0")).poses == 3
