@@ -57,7 +57,8 @@ def train(
     from otwarp.vision.networks.train import train as run
 
     settings = Settings(size=size or 0, lr=lr or 0.0, images=images or 0, augment=not no_augment, **chosen)
-    folder = out or dataset.with_name(f"{dataset.name}_{settings.net}")
+    there = dataset if dataset.name not in ("", "..") else dataset.resolve()  # . and .. are no names
+    folder = out or there.parent / f"{there.name}_{settings.net}"
     stop.begin()
     with _progress(settings.epochs) as say:
         metrics = run(dataset, folder, settings, device=device, report=say)

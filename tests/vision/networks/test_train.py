@@ -267,6 +267,29 @@ def test_heads_of_the_paper_are_evaluated(smoke: Path, tmp_path: Path, capfd: py
     assert "| network |" in page and "by tilt" not in page and "Cramér" not in page
 
 
+@pytest.mark.quick
+@pytest.mark.parametrize(
+    ("given", "folder"), [(".", "set_small"), ("..", "above_small"), ("in", "in_small"), ("/", "_small")]
+)
+def test_the_folder_of_a_training_has_the_name_of_its_data_set(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], given: str, folder: str
+) -> None:
+    """Also where that is where one is, which is no name."""
+    asked: list[Path] = []
+
+    def run(dataset: Path, folder: Path, *_: object, **__: object) -> None:
+        asked.append(folder)
+        raise InputError("no training here")
+
+    there = tmp_path / "above" / "set"
+    there.mkdir(parents=True)
+    monkeypatch.chdir(there)
+    monkeypatch.setattr("otwarp.vision.networks.train.train", run)
+    assert main(["vision", "train", given, "--net", "small"]) == 2
+    assert capfd.readouterr().err == "otwarp: no training here\n"
+    assert [one.name for one in asked] == [folder]
+
+
 def test_the_command_says_what_it_reached(smoke: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     words = command(smoke, tmp_path / "out", epochs=1)[3:]
     assert main(words) == 0
