@@ -50,8 +50,8 @@ def make_dataset(
         The folder.
 
     Raises:
-        InputError: Nothing that can be rendered is asked for, the folder holds something else or cannot be written,
-            another process works in it, or one of `processes` is killed.
+        InputError: Nothing that can be rendered is asked for, the folder holds something else or cannot be written, a
+            file in it is lost or damaged, another process works in it, or one of `processes` is killed.
         OSError: The disk is full; what was finished is kept.
     """
     _need_zarr()
@@ -61,12 +61,15 @@ def make_dataset(
     if processes < 1 or (processes > 1 and place.is_cuda):
         raise InputError(f"--processes is {processes}; allowed: 1 or more, on a GPU 1")
     store, say = prepare(labels, Path(folder)), progress or (lambda done, poses: None)
-    if store.checksums() is not None:
+    sums = store.checksums()
+    if sums is not None:
+        store.check_there(sums)
         _tidy(store)  # the last process may have been killed between the checksums and this
         say(labels.poses, labels.poses)
         return store.folder
     check_place(store.folder, "the folder of the data set", folder=True)
     with claimed(store.folder, "makes this data set; allowed: one at a time, with --processes"):
+        store.begin(labels.arrays)
         done = set(store.finished())
         todo = [pose for pose in range(labels.poses) if pose not in done]
         say(len(done), labels.poses)

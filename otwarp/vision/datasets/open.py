@@ -71,12 +71,12 @@ class Dataset:
         rows = self._rows(which)
         chunk = int(self.manifest["chunk"])
         out = np.empty((len(rows), *self.shape), dtype=np.uint8)
-        of = rows // chunk
+        of, images = rows // chunk, self._images
         for number in np.unique(of):
             mine = of == number
             first = int(number) * chunk
             self._check(f"images/c/{number}/0/0")
-            out[mine] = self._array("images")[first : first + chunk][rows[mine] - first]
+            out[mine] = images[first : first + chunk][rows[mine] - first]
         return out
 
     def split(self, name: str) -> dict[str, np.ndarray]:
@@ -128,6 +128,7 @@ class Dataset:
     def _label(self, name: str) -> np.ndarray:
         self._check(f"{name}/c/0")
         values = np.array(self._array(name)[...])
+        self._compare("count", values.shape, (self.count,))
         values.setflags(write=False)
         return values
 
@@ -150,6 +151,18 @@ class Dataset:
         import zarr
 
         return dict(zarr.open_group(str(self._store.data), mode="r").arrays())
+
+    @functools.cached_property
+    def _images(self) -> Any:
+        array = self._array("images")
+        self._compare("count and shape", array.shape, (self.count, *self.shape))
+        self._compare("chunk", array.chunks[0], self.manifest["chunk"])
+        return array
+
+    def _compare(self, what: str, there: Any, said: Any) -> None:
+        """Refuse a manifest that says something else than an array."""
+        if there != said:
+            raise InputError(f"{self.folder / 'manifest.json'}: {what} = {said}; allowed: {there}, as the arrays are")
 
     def _array(self, name: str) -> Any:
         for file in ("zarr.json", f"{name}/zarr.json"):

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -43,6 +43,39 @@ ATTRIBUTES = {
 """Labels that are no parameters: units and meaning."""
 
 
+def _counts(value: Any) -> bool:
+    """Whether a value of JSON is a whole number above 0."""
+    return isinstance(value, int) and not isinstance(value, bool) and value > 0
+
+
+def _texts(value: Any) -> bool:
+    """Whether a value of JSON is a list of texts."""
+    return isinstance(value, list) and all(isinstance(v, str) for v in value)
+
+
+def _numbers(value: Any) -> bool:
+    """Whether a value of JSON is a list of numbers."""
+    return isinstance(value, list) and all(isinstance(v, int | float) for v in value)
+
+
+def _object(value: Any) -> bool:
+    """Whether a value of JSON is an object."""
+    return isinstance(value, dict)
+
+
+SHAPES: Mapping[str, Callable[[Any], bool]] = {
+    "count": _counts,
+    "poses": _counts,
+    "chunk": _counts,
+    "shape": lambda value: isinstance(value, list) and len(value) == 2 and all(_counts(v) for v in value),
+    "labels": lambda value: _texts(value) and set(ATTRIBUTES) <= set(value),
+    "splits_made": _texts,
+    "classes": _numbers,
+    **dict.fromkeys(("robot", "symmetry", "optics", "sensor"), _object),
+}
+"""What a manifest must say: whether a value can be it."""
+
+
 @dataclass(frozen=True)
 class Store:
     """The folder of a data set."""
@@ -58,7 +91,7 @@ class Store:
         """What `manifest.json` says.
 
         Raises:
-            InputError: It is not there, not readable, or of another version.
+            InputError: It is not there, not readable, of another version, or says what cannot be.
         """
         file = self.folder / "manifest.json"
         try:
@@ -72,6 +105,9 @@ class Store:
         if not isinstance(said, dict) or said.get("version") != VERSION:
             version = said.get("version") if isinstance(said, dict) else None
             raise InputError(f"{file}: version = {version!r}; allowed: {VERSION}, as this otwarp writes it")
+        wrong = next((name for name, fits in SHAPES.items() if not fits(said.get(name))), None)
+        if wrong is not None:
+            raise InputError(f"{file}: {wrong} = {said.get(wrong)!r:.60}; allowed: what otwarp vision dataset wrote")
         return said
 
     def checksums(self) -> dict[str, str] | None:
@@ -81,17 +117,51 @@ class Store:
             InputError: They cannot be read.
         """
         file = self.folder / "checksums.json"
-        try:
-            return json.loads(file.read_text(encoding="utf-8"))
-        except FileNotFoundError:
-            return None
-        except (OSError, ValueError) as error:
-            raise InputError(f"{file}: cannot be read ({error}); allowed: what otwarp vision dataset wrote") from None
+        return _sums_in(file) if file.exists() else None
 
     def finished(self) -> list[int]:
         """Poses that are whole."""
         folder = self.folder / "done"
         return sorted(int(f.name) for f in folder.iterdir() if f.name.isdigit()) if folder.is_dir() else []
+
+    def finished_sums(self) -> dict[str, str]:
+        """Checksums of the chunks of all poses that are whole, as their markers say.
+
+        Raises:
+            InputError: A marker cannot be read.
+        """
+        sums: dict[str, str] = {}
+        for pose in self.finished():
+            sums |= _sums_in(self.folder / "done" / f"{pose:06d}")
+        return sums
+
+    def check_there(self, names: Iterable[str]) -> None:
+        """Look whether some files of the zarr group are there.
+
+        Args:
+            names: Relative to the group.
+
+        Raises:
+            InputError: One is not.
+        """
+        for name in names:
+            if not (self.data / name).is_file():
+                raise InputError(f"{self.data / name}: is not there; allowed: the file that was written")
+
+    def begin(self, labels: Iterable[str]) -> None:
+        """Make what is needed to go on, and look whether everything is there that was made.
+
+        Args:
+            labels: Names of all arrays but the images.
+
+        Raises:
+            InputError: A file is lost or damaged.
+        """
+        (self.folder / "done").mkdir(exist_ok=True)  # git and archives leave empty folders out
+        self.check_there(["zarr.json", "images/zarr.json"])
+        for name in labels:
+            self.check_there([f"{name}/zarr.json", f"{name}/c/0"])
+        self.check_there(self.finished_sums())
 
     def chunk_files(self, rows: slice, chunk: int) -> list[str]:
         """Files of the chunks that hold some rows, relative to the zarr group."""
@@ -117,14 +187,27 @@ class Store:
         """Write the checksums of everything, those of images as they were when they were written."""
         for part in self.data.rglob("*.partial"):  # zarr's, of a process that was killed while it wrote a chunk
             part.unlink(missing_ok=True)
-        sums = {}
-        for pose in self.finished():
-            sums |= json.loads((self.folder / "done" / f"{pose:06d}").read_text(encoding="utf-8"))
+        sums = self.finished_sums()
         for file in sorted(p for p in self.data.rglob("*") if p.is_file()):
             name = file.relative_to(self.data).as_posix()
             if name not in sums:
                 sums[name] = sha256(file)
         write_json(self.folder / "checksums.json", dict(sorted(sums.items())))
+
+
+def _sums_in(file: Path) -> dict[str, str]:
+    """Names of files and their checksums.
+
+    Raises:
+        InputError: There is something else in the file.
+    """
+    try:
+        found = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{file}: cannot be read ({error}); allowed: what otwarp vision dataset wrote") from None
+    if not isinstance(found, dict) or not found or not all(isinstance(v, str) for v in found.values()):
+        raise InputError(f"{file}: holds no checksums; allowed: what otwarp vision dataset wrote")
+    return found
 
 
 def sha256(file: Path) -> str:

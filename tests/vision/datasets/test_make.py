@@ -159,6 +159,82 @@ def test_a_corrupt_or_lost_chunk_is_named(small: Path, tmp_path: Path) -> None:
         open_dataset(copy)
 
 
+@pytest.fixture(scope="module")
+def begun(small: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same data set, ended after two poses."""
+
+    def stop(done: int, poses: int) -> None:
+        if done == 2:
+            raise KeyboardInterrupt
+
+    out = tmp_path_factory.mktemp("begun") / "out"
+    with pytest.raises(KeyboardInterrupt):
+        make_dataset(small.parent / "small.toml", out, device="cpu", progress=stop)
+    return out
+
+
+def test_a_data_set_goes_on_without_its_empty_folder(small: Path, begun: Path, tmp_path: Path) -> None:
+    """Git and archives leave it out."""
+    there = shutil.copytree(begun, tmp_path / "there")
+    shutil.rmtree(there / "done")
+    make_dataset(small.parent / "small.toml", there, device="cpu")
+    assert (there / "checksums.json").read_bytes() == (small / "checksums.json").read_bytes()
+
+
+@pytest.mark.parametrize("text", ["[]", "5", "{}", '{"zarr.json": 5}', "null", "{"])
+def test_checksums_that_are_none_are_one_line(small: Path, tmp_path: Path, text: str) -> None:
+    there = shutil.copytree(small, tmp_path / "there")
+    (there / "checksums.json").write_text(text)
+    for take in (lambda: open_dataset(there), lambda: make_dataset(small.parent / "small.toml", there, device="cpu")):
+        with pytest.raises(InputError, match=r"checksums.json: .*; allowed: what otwarp vision dataset wrote"):
+            take()
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"count": None}, "count = None; allowed: what otwarp vision dataset wrote"),
+        ({"count": "a"}, "count = 'a'; allowed: what"),
+        ({"count": 47}, r"count = \(47,\); allowed: \(48,\), as the arrays are"),
+        ({"poses": 0}, "poses = 0; allowed: what"),
+        ({"chunk": 0}, "chunk = 0; allowed: what"),
+        ({"chunk": 3}, "chunk = 3; allowed: 6, as the arrays are"),
+        ({"shape": [64]}, r"shape = \[64\]; allowed: what"),
+        ({"shape": [32, 16]}, r"shape = \(48, 32, 16\); allowed: \(48, 32, 32\), as the arrays are"),
+        ({"labels": None}, "labels = None; allowed: what"),
+        ({"labels": ["depth"]}, r"labels = \['depth'\]; allowed: what"),
+        ({"classes": "all"}, "classes = 'all'; allowed: what"),
+        ({"robot": []}, r"robot = \[\]; allowed: what"),
+    ],
+)
+def test_manifests_that_say_what_cannot_be_are_one_line(
+    small: Path, tmp_path: Path, changes: dict[str, object], said: str
+) -> None:
+    there = shutil.copytree(small, tmp_path / "there")
+    manifest = json.loads((there / "manifest.json").read_text()) | changes
+    (there / "manifest.json").write_text(json.dumps({n: v for n, v in manifest.items() if v is not None}))
+    with pytest.raises(InputError, match=f"manifest.json: .*{said}"):
+        open_dataset(there).images([0])
+
+
+@pytest.mark.parametrize("lost", ["data.zarr", "data.zarr/images", "data.zarr/depth", "data.zarr/images/c/0"])
+def test_what_is_lost_is_named(small: Path, begun: Path, tmp_path: Path, lost: str) -> None:
+    """Of a data set that is whole, and of one that is not, before anything is rendered."""
+    for folder in (small, begun):
+        there = shutil.copytree(folder, tmp_path / folder.parent.name)
+        shutil.rmtree(there / lost)
+        with pytest.raises(InputError, match=rf"{lost}.*: is not there; allowed: the file that was written"):
+            make_dataset(small.parent / "small.toml", there, device="cpu")
+
+
+@pytest.mark.parametrize("text", ["", "{", "{}", "[]"])
+def test_a_damaged_marker_is_named(small: Path, begun: Path, tmp_path: Path, text: str) -> None:
+    there = shutil.copytree(begun, tmp_path / "there")
+    (there / "done" / "000000").write_text(text)
+    with pytest.raises(InputError, match=r"done/000000: .*; allowed: what otwarp vision dataset wrote"):
+        make_dataset(small.parent / "small.toml", there, device="cpu")
+
+
 def test_folders_that_hold_something_else_are_refused(small: Path, tmp_path: Path) -> None:
     other = written(tmp_path, TEXT.replace("seed = 3", "seed = 4"))
     with pytest.raises(InputError, match="holds a data set with another seed: 3 there, 4 now"):
