@@ -157,10 +157,17 @@ class Store:
         Raises:
             InputError: A file is lost or damaged.
         """
+        import zarr
+
         (self.folder / "done").mkdir(exist_ok=True)  # git and archives leave empty folders out
-        self.check_there(["zarr.json", "images/zarr.json"])
-        for name in labels:
-            self.check_there([f"{name}/zarr.json", f"{name}/c/0"])
+        self.check_there(["zarr.json", "images/zarr.json", *(f"{name}/c/0" for name in labels)])
+        for name in ("images", *labels):
+            self.check_there([f"{name}/zarr.json"])
+            try:
+                zarr.open_array(str(self.data / name), mode="r")
+            except Exception as error:  # whatever zarr raises of a text that is no description of an array
+                file = self.data / name / "zarr.json"
+                raise InputError(f"{file}: cannot be read ({error}); allowed: the file that was written") from None
         self.check_there(self.finished_sums())
 
     def chunk_files(self, rows: slice, chunk: int) -> list[str]:

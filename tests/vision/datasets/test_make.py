@@ -227,6 +227,20 @@ def test_what_is_lost_is_named(small: Path, begun: Path, tmp_path: Path, lost: s
             make_dataset(small.parent / "small.toml", there, device="cpu")
 
 
+@pytest.mark.parametrize("text", ["", "{", "{}", "[]", "5"])
+@pytest.mark.parametrize("name", ["images", "depth"])
+def test_a_damaged_description_of_an_array_is_named(
+    small: Path, begun: Path, tmp_path: Path, name: str, text: str
+) -> None:
+    there = shutil.copytree(begun, tmp_path / "there")
+    (there / "data.zarr" / name / "zarr.json").write_text(text)
+    with pytest.raises(
+        InputError, match=rf"{name}/zarr.json: cannot be read \(.*; allowed: the file that was"
+    ) as error:
+        make_dataset(small.parent / "small.toml", there, device="cpu")
+    assert "\n" not in str(error.value)
+
+
 @pytest.mark.parametrize("text", ["", "{", "{}", "[]"])
 def test_a_damaged_marker_is_named(small: Path, begun: Path, tmp_path: Path, text: str) -> None:
     there = shutil.copytree(begun, tmp_path / "there")
