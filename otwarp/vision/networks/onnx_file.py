@@ -29,7 +29,7 @@ SEAL = b"\x72\x51\x0a\x0dotwarp_sha256\x12\x40"
 hexadecimal digits follow, the SHA-256 of all bytes before."""
 
 
-def export(run: str | Path, file: Path) -> tuple[str, ...]:
+def export(run: str | Path, file: str | Path) -> tuple[str, ...]:
     """Write a network as ONNX: uint8 images of its data set in, what its heads say out.
 
     Input `images` (n, height, width) uint8. Outputs, as the heads are: `scores` (n, classes), `depth` (n) normalised,
@@ -46,6 +46,7 @@ def export(run: str | Path, file: Path) -> tuple[str, ...]:
     Raises:
         InputError: No such training, another ending, a file that cannot be written, or a package is missing.
     """
+    file = Path(file)
     if file.suffix != ".onnx":
         raise InputError(f"--onnx is {file}; allowed: a file that ends with .onnx")
     estimator = TorchEstimator(network_file(run), "cpu")

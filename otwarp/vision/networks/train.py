@@ -41,7 +41,12 @@ Take = Callable[[Any, float], Any]
 
 
 def train(
-    dataset: str | Path, folder: Path, settings: Settings, *, device: str | None = None, report: Report | None = None
+    dataset: str | Path,
+    folder: str | Path,
+    settings: Settings,
+    *,
+    device: str | None = None,
+    report: Report | None = None,
 ) -> dict[str, Any]:
     """Train a network, or go on where a training of the same settings was stopped.
 
@@ -59,6 +64,7 @@ def train(
         InputError: No such data set, split, weights or device; another training in the folder; a loss that is not
             finite; or a batch that does not fit the memory of the device. What was written before stays.
     """
+    folder = Path(folder)
     check_device_name(device)
     find_weights(settings.net, settings.weights)
     data = open_dataset(dataset)

@@ -230,6 +230,12 @@ def test_bad_input_leaves_nothing(smoke: Path, tmp_path: Path, monkeypatch, chan
     assert "allowed" in str(caught.value) and not (tmp_path / "out").exists()
 
 
+def test_places_may_be_texts(smoke: Path, tmp_path: Path) -> None:
+    settings = Settings(**{**QUICK, "epochs": 1, "images": 8, "batch": 8})
+    train.train(str(smoke), str(tmp_path / "out"), settings, device="cpu")
+    assert (tmp_path / "out" / "network.pt").is_file()
+
+
 def test_weights_are_those_that_were_asked_for(smoke: Path, tmp_path: Path, monkeypatch) -> None:
     import torch
 
