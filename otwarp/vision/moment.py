@@ -64,6 +64,8 @@ def moments(
     if path.is_dir():
         return _recorded(path, time, world, center, exposure, device)
     scene = Scene.load(path, duration=max(time, 1e-9) if time > 0.0 else None)
+    if world:
+        raise InputError(f"--world is {world}; allowed of a scene: 0, only recorded runs have several worlds")
     check_body(scene, center)
     shutter = camera_of(scene).exposure if exposure is None else exposure
     if time == 0.0 and shutter == 0.0:

@@ -41,6 +41,14 @@ def test_a_body_outside_the_frame_is_refused_in_a_line(tmp_path: Path, capsys: p
 
 
 @pytest.mark.quick
+def test_a_scene_has_one_world(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "bead.png"
+    assert main(["vision", "render", "scenes/single_bead.usda", "--world", "3", "-o", str(out)]) == 2
+    said = "otwarp: --world is 3; allowed of a scene: 0, only recorded runs have several worlds\n"
+    assert capsys.readouterr().err == said and not out.exists()
+
+
+@pytest.mark.quick
 @pytest.mark.parametrize("bits", [1, 8, 12])
 def test_panels_are_white_at_full_scale(tmp_path: Path, bits: int) -> None:
     levels = np.zeros((1, 40, 40), dtype=np.uint8 if bits <= 8 else np.uint16)
