@@ -97,6 +97,7 @@ def evaluate(
         PlausibilityWarning: A data set goes beyond the poses that the network has learnt.
     """
     folder = Path(run)
+    _check_no_export(folder)
     estimator = load(folder, device=device)
     if not datasets:
         raise InputError("there is no data set to evaluate on; allowed: one or more folders of data sets")
@@ -105,7 +106,7 @@ def evaluate(
     if estimator.about.get("training") != checkpoint.digest(asked):
         raise InputError(f"{network_file(folder)}: is not the network of the training in {run_json}; allowed: the one "
                          "that this training wrote")  # fmt: skip
-    opened = [(Path(d).name, open_dataset(d)) for d in datasets]
+    opened = [(Path(d).name or Path(d).resolve().name, open_dataset(d)) for d in datasets]
     for name, data in opened:
         check_fits(estimator, data, name)
         if not any_robot:
@@ -119,6 +120,12 @@ def evaluate(
         own = dataset_digest(data) == asked["dataset"]
         found.append(_one(estimator, name, data, asked["settings"], own, poses, baselines, device))
     return estimator, found
+
+
+def _check_no_export(run: Path) -> None:
+    """Refuse an exported network, which lies without the training that it came from."""
+    if run.suffix == ".onnx" and not run.is_dir():
+        raise InputError(f"run is {run}, an exported network; allowed: the folder of its training, or network.pt there")
 
 
 def check_fits(estimator: Estimator, data: Any, name: str) -> None:

@@ -51,7 +51,11 @@ class Estimator(ABC):
 
     def predict(self, images: np.ndarray) -> Predictions:
         """What all heads say of images; `estimate` has the argument and the errors."""
-        return self._predict(self._checked(images))
+        found = self._checked(images)
+        if not len(found):  # of no image the same arrays, empty
+            said = vars(self._predict(np.zeros((1, *self.shape), dtype=np.uint8)))
+            return Predictions(**{name: value[:0] for name, value in said.items() if value is not None})
+        return self._predict(found)
 
     def estimate(self, images: np.ndarray) -> list[Estimate]:
         """Poses with their covariances.
@@ -152,6 +156,6 @@ def described_in(about: Any, file: Path) -> dict[str, Any]:
 
 
 def network_file(path: str | Path) -> Path:
-    """`network.pt` of a training, or the file itself."""
+    """`network.pt` of a training, whatever its folder is called, or the file itself."""
     found = Path(path)
-    return found if found.suffix == ".pt" else found / checkpoint.NETWORK
+    return found if found.suffix == ".pt" and not found.is_dir() else found / checkpoint.NETWORK

@@ -75,6 +75,33 @@ def test_threads_change_no_bit_where_their_number_is_given(smoke: Path, trained:
         assert getattr(said[0], name).tobytes() == getattr(said[1], name).tobytes(), name
 
 
+@pytest.mark.parametrize("threads", [-1, 1025, 10**6, 1.5, True, "2"])
+def test_numbers_of_threads_that_cannot_be_are_refused(tmp_path: Path, threads: object) -> None:
+    for name in ("run", "robot.onnx"):
+        with pytest.raises(InputError, match=f"threads is {threads!r}; allowed: a whole number, 0 to 1024"):
+            load(tmp_path / name, threads=threads)  # type: ignore[arg-type]
+
+
+def test_no_images_give_no_estimates(smoke: Path, trained: Path, tmp_path: Path) -> None:
+    pytest.importorskip("onnxruntime")
+    export(str(trained), str(tmp_path / "robot.onnx"))
+    none = open_dataset(smoke).images([])
+    for path in (trained, tmp_path / "robot.onnx"):
+        network = load(path, device="cpu")
+        assert network.estimate(none) == []
+        said = network.predict(none)
+        assert said.scores is not None and said.scores.shape == (0, 5)
+        assert said.covariance is not None and said.covariance.shape == (0, 4, 4)
+
+
+@pytest.mark.parametrize("name", ["net.pt", "net.onnx"])
+def test_the_folder_of_a_training_may_be_called_as_a_file(trained: Path, tmp_path: Path, name: str) -> None:
+    pytest.importorskip("onnx")
+    there = shutil.copytree(trained, tmp_path / name)
+    assert load(there, device="cpu").about["net"] == "small"
+    assert main(["vision", "export", str(there)]) == 0 and (there / "robot.onnx").is_file()
+
+
 def test_files_that_are_no_networks_are_one_line(trained: Path, tmp_path: Path) -> None:
     """A checkpoint beside the network, and an ONNX file whose metadata another program has replaced."""
     onnx = pytest.importorskip("onnx")
@@ -228,6 +255,8 @@ def test_what_does_not_fit_is_refused(smoke: Path, trained: Path, tmp_path: Path
         load(tmp_path)
     with pytest.raises(InputError, match="there is no data set to evaluate on"):
         evaluate(trained, [])
+    with pytest.raises(InputError, match=r"run is robot.onnx, an exported network; allowed: the folder of its train"):
+        evaluate("robot.onnx", [smoke])
 
 
 def test_a_network_of_another_robot_or_training_is_refused(smoke: Path, trained: Path, tmp_path: Path) -> None:
