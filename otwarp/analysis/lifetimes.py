@@ -99,7 +99,7 @@ def study_escapes(folder: str | Path) -> Any:
     o = next((o for o in asked["observables"] if o.get("end") == "escaped"), None)
     if o is None:
         raise InputError(f"{folder}: asks for no escapes; allowed: a study of trapped, lost or first_passage")
-    with store.read() as raw:
+    with store.reading() as raw:
         raw.load()
         trials, end, time = (raw[name] for name in ("trials", "end", "end_time"))
         ran = (np.arange(end.shape[-1]) < trials.values[..., None]) & (end.values != -1)

@@ -83,7 +83,7 @@ def rerun(store: Store, study: Study, point: int, trial: int, *, device: str = "
     if not 0 <= point < study.design.points:
         raise InputError(f"point = {point}; allowed: 0 … {study.design.points - 1}")
     place = tuple(int(i) for i in np.unravel_index(point, study.design.shape)) if study.design.shape else ()
-    with store.read() as raw:
+    with store.reading() as raw:
         done = int(raw["trials"].values[place])
         known = (
             (int(raw["end"].values[place][trial]), float(raw["end_time"].values[place][trial])) if trial < done else ()

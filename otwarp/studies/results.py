@@ -33,7 +33,7 @@ def table(store: Store) -> Any:
     asked = store.asked()
     if asked.get("kind") == "escape":
         return _described(escape_table(store), asked)
-    with store.read() as raw:
+    with store.reading() as raw:
         raw.load()
         dims = raw["trials"].dims
         apart = ("trials", "time_step")
@@ -221,7 +221,7 @@ def _xarray() -> Any:
 def progress(store: Store) -> dict[str, int]:
     """How far a study is: blocks, points and trials, done and in all."""
     asked = store.asked()
-    with store.read() as raw:
+    with store.reading() as raw:
         trials, fault = raw["trials"].values, taken(raw) & (raw["end"].values == -1)
     shared = asked["stop"].get("budget")
     return ({} if shared is None else {"budget": shared}) | {

@@ -15,10 +15,11 @@ The folder appears as a whole, so that a hundred shards may begin at once: the f
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import json
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,7 +28,8 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
-from otwarp.files import check_place, claimed, made_apart, written
+from otwarp.files import check_place, claimed, written
+from otwarp.studies.damage import WHOLE, grid_of, named_damage, with_outcomes
 from otwarp.studies.differences import difference, short
 
 VERSION = 1
@@ -51,6 +53,12 @@ def versions() -> dict[str, str]:
     return {"otwarp": otwarp.__version__, "warp": warp.__version__, "numpy": np.__version__}
 
 
+_KINDS = {"scene": dict, "observables": list, "stop": dict, "blocks": int, "axes": dict, "versions": dict}
+"""What `study.json` must say, and of what kind it is in JSON."""
+
+_LATER = ("axes", "versions")
+"""What the files of the first studies do not say."""
+
 FILL = {"i": -1, "f": np.nan, "U": "", "b": False}
 
 
@@ -73,7 +81,7 @@ class Variable:
 
 @dataclass(frozen=True)
 class Store:
-    """The folder of a study; made by `create` or found by `open_store`."""
+    """The folder of a study; made by `create.create` or found by `open_store`."""
 
     folder: Path
 
@@ -108,9 +116,11 @@ class Store:
             raise InputError(f"{file}: holds {short(said)}; allowed: the file that otwarp study run wrote")
         if said["version"] != VERSION:
             raise InputError(f"{file}: version = {said.get('version')!r}: must be {VERSION}, as this otwarp writes it")
-        lacks = [name for name in ("scene", "observables", "stop", "blocks") if name not in said]
-        if lacks:
-            raise InputError(f"{file}: has no {lacks[0]}; allowed: the file that otwarp study run wrote")
+        for name, kind in _KINDS.items():
+            if name not in said and name not in _LATER:
+                raise InputError(f"{file}: has no {name}; allowed: the file that otwarp study run wrote")
+            if name in said and type(said[name]) is not kind:
+                raise InputError(f"{file}: {name} = {short(said[name])}; allowed: the file that otwarp study run wrote")
         return said
 
     def cut(self) -> tuple[int, ...]:
@@ -123,12 +133,20 @@ class Store:
 
     def done(self, block: int) -> bool:
         """Whether a block is whole."""
-        return (self.folder / "done" / f"{block:06d}").exists()
+        return self._marker(block).is_file() and bool(with_outcomes(self.results, [block]))
 
     def finished(self) -> list[int]:
-        """Blocks that are whole."""
+        """Blocks that are whole: marked, and their outcomes have not been lost since.
+
+        Raises:
+            InputError: Results that are not there, or damaged.
+        """
         folder = self.folder / "done"
-        return sorted(int(f.name) for f in folder.iterdir() if f.name.isdigit()) if folder.is_dir() else []
+        marked = [f for f in folder.iterdir() if f.name.isdigit() and f.is_file()] if folder.is_dir() else []
+        return with_outcomes(self.results, sorted(int(f.name) for f in marked)) if marked else []
+
+    def _marker(self, block: int) -> Path:
+        return self.folder / "done" / f"{block:06d}"
 
     @functools.cached_property
     def _arrays(self) -> Any:
@@ -140,7 +158,8 @@ class Store:
         import zarr
 
         self._check_results()
-        return dict(zarr.open_group(str(self.results), mode="r+").arrays())
+        with named_damage(self.results):
+            return dict(zarr.open_group(str(self.results), mode="r+").arrays())
 
     def _check_results(self) -> None:
         if not (self.results / "zarr.json").is_file():
@@ -153,6 +172,9 @@ class Store:
         Raises:
             InputError: They cannot.
         """
+        if self.folder.is_dir():  # copies may leave out what is empty
+            with contextlib.suppress(OSError):
+                (self.folder / "done").mkdir(exist_ok=True)
         for folder in (self.folder, self.folder / "done"):
             check_place(folder, "the folder of the study", folder=True)
 
@@ -210,7 +232,7 @@ class Store:
         Raises:
             OSError: As `write`.
         """
-        with self._named_errors(), written(self.folder / "done" / f"{block:06d}") as part:
+        with self._named_errors(), written(self._marker(block)) as part:
             part.write_text(json.dumps(versions()) + "\n", encoding="utf-8")
 
     def _check_there(self) -> None:
@@ -232,18 +254,54 @@ class Store:
         """All arrays as an `xarray.Dataset`, read when they are used; `trials` at once, −1 where a block is not whole.
 
         Raises:
-            InputError: They are not there.
+            InputError: They are not there, or damaged.
         """
         import xarray
 
         self._check_results()
         done = self.finished()  # before anything else, as others may be writing
-        found = xarray.open_zarr(str(self.results), consolidated=False, chunks=None)
-        trials = found["trials"].load()
+        with named_damage(self.results):
+            found = xarray.open_zarr(str(self.results), consolidated=False, chunks=None)
+            self._check_arrays(found)
+            trials = found["trials"].load()
         if self.asked()["stop"].get("budget") is None:
             whole = _points_of(done, trials.shape, trials.encoding["chunks"])
             trials.values = np.where(whole, trials.values, FILL["i"]).astype(trials.dtype)
+        else:
+            self._check_outcomes(trials.values)
         return found
+
+    @contextmanager
+    def reading(self) -> Iterator[Any]:
+        """As `read`, while the block lasts, in which what cannot be read is told by its file.
+
+        Raises:
+            InputError: As `read`.
+        """
+        with named_damage(self.results), self.read() as found:
+            yield found
+
+    def _check_outcomes(self, trials: np.ndarray) -> None:
+        """Refuse results whose trials are counted, of which there are no outcomes."""
+        blocks = range(int(np.prod(grid_of(self.results), dtype=np.int64)))
+        there = with_outcomes(self.results, blocks)
+        if np.any(trials[~_points_of(there, trials.shape, self.cut())] > 0):
+            raise InputError(f"{self.results / 'end'}: outcomes of {len(blocks) - len(there)} of {len(blocks)} blocks "
+                             f"are not there; {WHOLE}")  # fmt: skip
+
+    def _check_arrays(self, found: Any) -> None:
+        """Refuse results that have lost an array of all studies, or the values along an axis, as numbers or places."""
+        for name in ("trials", "end", *self.asked().get("axes", {})):
+            if name not in found.variables and f"{name}_x" not in found.variables:
+                raise InputError(f"{self.results / name}: is not there; {WHOLE}")
+
+    def _check_outcomes(self, trials: np.ndarray) -> None:
+        """Refuse results whose trials are counted, of which there are no outcomes."""
+        blocks = range(int(np.prod(grid_of(self.results), dtype=np.int64)))
+        there = with_outcomes(self.results, blocks)
+        if np.any(trials[~_points_of(there, trials.shape, self.cut())] > 0):
+            raise InputError(f"{self.results / 'end'}: outcomes of {len(blocks) - len(there)} of {len(blocks)} blocks "
+                             f"are not there; {WHOLE}")  # fmt: skip
 
     def claimed(self) -> AbstractContextManager[None]:
         """Hold the folder against a second driver on this machine; shards claim nothing, they share no block.
@@ -272,87 +330,6 @@ def open_store(folder: Path) -> Store:
     store = Store(folder)
     store.asked()
     return store
-
-
-def create(
-    folder: Path,
-    asked: Mapping[str, Any],
-    scene: Callable[[Path], object],
-    coordinates: Mapping[str, Variable],
-    values: Mapping[str, np.ndarray],
-    variables: Mapping[str, Variable],
-    shape: Mapping[str, int],
-    chunk: Mapping[str, int],
-    texts: Mapping[str, str],
-) -> Store:
-    """Make the folder of a study, or find the same study in it; many processes may do so at once.
-
-    Args:
-        asked: What `study.json` is to say.
-        scene: Called with a path, writes the flattened scene there.
-        coordinates, values: What the dimensions mean.
-        variables: Arrays of results.
-        shape, chunk: Per dimension its length, and that of a block.
-        texts: Per file of the folder what it is to say beside, for people: nothing reads it.
-
-    Raises:
-        InputError: The folder holds another study, or cannot be written.
-    """
-    store = Store(folder)
-    if (folder / "study.json").exists():
-        check_same(store, asked)
-        return store
-    check_place(folder, "--out", folder=True)
-    _check_empty(folder)
-    with made_apart(folder, "study.json") as apart:
-        (apart / "done").mkdir()
-        scene(apart / store.scene.name)
-        _create_arrays(apart / store.results.name, coordinates, values, variables, shape, chunk)
-        for name, text in texts.items():
-            (apart / name).parent.mkdir(exist_ok=True)
-            (apart / name).write_text(text, encoding="utf-8")
-        text = json.dumps(asked, indent=1, ensure_ascii=False) + "\n"
-        (apart / "study.json").write_text(text, encoding="utf-8")
-    check_same(store, asked)  # somebody else's, if two made it at once
-    return store
-
-
-def _check_empty(folder: Path) -> None:
-    """Refuse a folder in which there is something else."""
-    if folder.exists() and any(not p.name.startswith(".") for p in folder.iterdir()):
-        if (folder / "study.json").exists():  # somebody has made it since
-            return
-        raise InputError(f"--out is {folder}, which holds other files; allowed: a new or empty folder, or this study's")
-
-
-def _create_arrays(
-    place: Path,
-    coordinates: Mapping[str, Variable],
-    values: Mapping[str, np.ndarray],
-    variables: Mapping[str, Variable],
-    shape: Mapping[str, int],
-    chunk: Mapping[str, int],
-) -> None:
-    """The zarr group: coordinates with their values, and arrays of results that hold nothing yet."""
-    import zarr
-
-    group = zarr.open_group(str(place), mode="w", zarr_format=3)
-    for name, variable in {**coordinates, **variables}.items():
-        of = values.get(name)
-        full = tuple(shape[d] for d in variable.dims)
-        array = group.create_array(
-            name,
-            shape=full,
-            chunks=tuple(
-                n if of is not None else min(chunk.get(d, n), n) for d, n in zip(variable.dims, full, strict=True)
-            ),
-            dtype=np.dtype(variable.dtype) if of is None else of.dtype,
-            fill_value=variable.fill,
-            dimension_names=variable.dims,
-            attributes=dict(variable.attrs),
-        )
-        if of is not None:
-            array[...] = of
 
 
 def check_same(store: Store, asked: Mapping[str, Any]) -> None:

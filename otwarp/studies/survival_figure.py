@@ -53,7 +53,7 @@ def curves_of(store: Store, name: str, where: dict[str, int]) -> list[Curve]:
         InputError: Nothing is computed there.
     """
     asked = store.asked()
-    with store.read() as raw:
+    with store.reading() as raw:
         raw.load()
         free = [str(d) for d in raw["trials"].dims if d not in where and raw.sizes[d] > 1]
         rest = {str(d): raw.sizes[d] // 2 for d in raw["trials"].dims if d not in where and d not in free[-1:]}
@@ -125,7 +125,7 @@ def draw_survival(axes: Any, store: Store, name: str, where: dict[str, int], col
 
 def _axis(store: Store, where: dict[str, int]) -> str | None:
     """The name of the axis along which curves are drawn."""
-    with store.read() as raw:
+    with store.reading() as raw:
         free = [d for d in raw["trials"].dims if d not in where and raw.sizes[d] > 1]
         if not free:
             return None

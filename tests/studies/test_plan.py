@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import pytest
 
@@ -100,3 +101,16 @@ def test_plan_says_what_needs_models(folder, capsys):
     said = capsys.readouterr().out
     assert "points    1 (1 trap_power), in 1 model\n" in said
     assert re.search(r"^memory    [\d.,]+ [KM]iB for 1,200 paths at once, .* free$", said, re.MULTILINE)
+
+
+def test_a_trap_weaker_than_the_scenes_is_planned(folder, capsys):
+    """It takes longer steps than the scene with its own power could."""
+    shipped = Path(__file__).parents[2] / "scenes" / "table_trap.usda"
+    text = (
+        FILE.replace('time_step = "1 ms"\n', "")
+        .replace("0.3, 1, 900, 9000", "0.036")
+        .replace("well.usda", str(shipped))
+    )
+    (folder / "p.toml").write_text(text + ENDINGS["escapes"] + "runs = 2\nbranches = 20\n")
+    assert main(["study", "plan", str(folder / "p.toml"), "--device", "cpu"]) == 0
+    assert "points    1 (1 trap_power), in 1 model\n" in capsys.readouterr().out

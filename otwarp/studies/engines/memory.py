@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from otwarp.device import pick_device
 from otwarp.scene import Scene
 from otwarp.simulation.packing.capacity import world_bytes
 from otwarp.studies.any_study import AnyStudy
+from otwarp.studies.rows import origin_of
 from otwarp.warp_internals import fields, is_struct
 
 SHARE = 0.5
@@ -100,10 +102,13 @@ def room_of(study: AnyStudy, device: str | None = None) -> Room:
     points, values = study.design.groups(np.arange(min(study.design.points, 2)))[0]
     scene = study.design.scene_of(values)
     at = {t: v for t, v in study.design.at(points).items() if not t.grouped}
+    # steps that weak traps of the points can take may be too long for the scene's own, and here none is taken
+    short = math.ceil(study.horizon / origin_of(scene, study.options).time_step)
+    runner = study.runner.in_steps(max(study.runner.steps, short))
     sizes = []
     for count in PROBED:
         which = np.resize(np.arange(len(points), dtype=np.int32), count)
-        sim = study.runner.simulation(scene, at, np.arange(count), which=which, device=place)
+        sim = runner.simulation(scene, at, np.arange(count), which=which, device=place)
         sizes.append(_size(sim))
     first, last = sizes
     each = max(-(-(last - first) // (PROBED[1] - PROBED[0])), world_bytes(scene, study.options.precision))

@@ -25,7 +25,7 @@ def escape_table(store: Store) -> Any:
 
     asked = store.asked()
     level = asked["stop"]["level"]
-    with store.read() as raw:
+    with store.reading() as raw:
         raw.load()
         dims = raw["trials"].dims
         known = [n for n, v in raw.variables.items() if len(v.dims) == 1 and v.dims[0] in dims and n not in _APART]

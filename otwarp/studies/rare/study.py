@@ -248,7 +248,7 @@ class EscapeStudy(Study):
             (point,) = every[where].ravel() if self.design.shape else (0,)
             found = rates_at(self, int(point), worlds=worlds, device=device, threads=threads, unwanted=unwanted)
             shape = every[where].shape
-            out.append({name: values.reshape(*shape, *values.shape) for name, values in found.items()})
+            out.append({name: values.reshape((*shape, *values.shape)) for name, values in found.items()})
         return lambda: out
 
 

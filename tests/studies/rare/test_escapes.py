@@ -22,6 +22,7 @@ from otwarp.studies.file import load_study
 from otwarp.studies.rare import basin
 from otwarp.studies.rare.ensemble import Ensemble
 from otwarp.studies.rare.orders import distance
+from otwarp.studies.rare.placement import MOST
 from otwarp.studies.rare.results import interval_of_mean
 from otwarp.studies.rare.study import EscapeStudy
 from otwarp.studies.store import open_store
@@ -337,6 +338,13 @@ def test_what_only_paths_show(scene, how, said):
     study = EscapeStudy(scene, axes={"trap_power": ot.values([4.0], unit="mW")}, halved=False, **(SMALL | how))
     with pytest.raises(InputError, match=said):
         study.compute([0], device="cpu")
+
+
+def test_a_trap_too_deep_for_its_interfaces():
+    """There are as many of them as the store keeps; what is beyond is not seen, and the rate has a bound."""
+    scene = Path(__file__).parents[3] / "scenes" / "table_trap.usda"
+    (found,) = EscapeStudy(scene, runs=2, branches=20, halved=False).compute([0], device="cpu")
+    assert np.sum(np.isfinite(found["interface_at"])) == MOST and not np.any(found["rate_of_trial"])
 
 
 def test_nothing_can_escape():
