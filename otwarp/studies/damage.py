@@ -45,6 +45,23 @@ def with_outcomes(results: Path, blocks: Iterable[int]) -> list[int]:
     return [n for n in blocks if n < count and (results / "end" / place(n)).is_file()]
 
 
+def check_times(results: Path, ended: np.ndarray, time: np.ndarray) -> None:
+    """Refuse ends without a time: that is what the chunk of times reads as where it has been lost.
+
+    Args:
+        results: Of the study.
+        ended: (…, trials) whether a trial has come to an end.
+        time: Its time, NaN without one.
+
+    Raises:
+        InputError: Some have none.
+    """
+    without = ended & np.isnan(time)
+    if np.any(without):
+        raise InputError(f"{results / 'end_time'}: of {np.sum(without)} of {np.sum(ended)} trials that ended the time "
+                         f"is not there; {WHOLE}")  # fmt: skip
+
+
 @contextlib.contextmanager
 def named_damage(results: Path) -> Iterator[None]:
     """What zarr cannot read, in one line that names the file.

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.studies.damage import check_times
 from otwarp.studies.rare.results import escape_table
 from otwarp.studies.stopping.intervals import interval, rate_interval, survival
 from otwarp.studies.stopping.looks import level_at
@@ -41,6 +42,7 @@ def table(store: Store) -> Any:
         out = xarray.Dataset(coords={n: raw[n] for n in known})
         trials, end, time = (raw[name].values for name in ("trials", "end", "end_time"))
         ran = taken(raw)
+        check_times(store.results, ran & (end > 0), time)
         good = ran & (end != -1)
         out["trials"] = (dims, np.maximum(trials, 0), {"long_name": "trials"})
         out["faults"] = (dims, np.sum(ran & (end == -1), axis=-1), {"long_name": "trials with a fault"})

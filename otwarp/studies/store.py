@@ -9,7 +9,8 @@
 
 A block is written by one task, and depends on nothing but the study: it may be computed twice, by anyone, in any order.
 What is not marked as done is not there, whatever its chunks hold: a block may have been cut off between two arrays, or
-may be read between them. Of a study with a budget, whose blocks grow, `trials` says what is there: it is written last.
+may be read between them. Nor is a block whose outcomes a copy of the folder has lost. Of a study with a budget, whose
+blocks grow, `trials` says what is there: it is written last.
 The folder appears as a whole, so that a hundred shards may begin at once: the first makes it, the others find it.
 """
 

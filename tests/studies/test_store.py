@@ -386,6 +386,13 @@ def test_blocks_whose_outcomes_were_lost_are_computed_again(scene, whole, tmp_pa
     assert table(open_store(out)).identical(table(whole))
 
 
+def test_ends_without_their_times_are_refused(whole, tmp_path):
+    out = shutil.copytree(whole.folder, tmp_path / "out")
+    shutil.rmtree(out / "results.zarr" / "end_time" / "c")
+    with pytest.raises(InputError, match=r"end_time: of \d+ of \d+ trials that ended the time is not there; allowed"):
+        table(open_store(out))
+
+
 def test_a_folder_without_its_empty_one_goes_on(scene, whole, tmp_path):
     """As copies by git and by stores of objects leave it."""
     study = study_of(scene)

@@ -49,7 +49,7 @@ def run_study(
             runs it, or an argument is out of range.
         OSError: The disk is full; what was finished is kept.
     """
-    folder, devices = _path(folder), _devices(devices)
+    folder, devices = _path(folder), _devices(devices, here=engine is None)
     _check_shard(shard)
     for name, given in (("engine", engine), ("progress", progress)):
         if given is not None and not callable(given):
@@ -82,15 +82,15 @@ def _path(folder: Any) -> Path:
     return Path(folder)
 
 
-def _devices(given: Any) -> list[str] | None:
-    """Names of devices that there are; None or an empty list stays as it is."""
+def _devices(given: Any, *, here: bool) -> list[str] | None:
+    """Names of devices, which there are if they are `here`; None or an empty list stays as it is."""
     from otwarp.device import pick_device
 
     if given is None:
         return None
     if not isinstance(given, list | tuple) or not all(isinstance(name, str) for name in given):
         raise InputError(f"devices are {given!r}; allowed: a list of names, such as ['cpu']")
-    return [str(pick_device(name)) for name in given]
+    return [str(pick_device(name)) for name in given] if here else list(given)
 
 
 def _check_shard(shard: Any) -> None:
