@@ -296,14 +296,6 @@ class Store:
             if name not in found.variables and f"{name}_x" not in found.variables:
                 raise InputError(f"{self.results / name}: is not there; {WHOLE}")
 
-    def _check_outcomes(self, trials: np.ndarray) -> None:
-        """Refuse results whose trials are counted, of which there are no outcomes."""
-        blocks = range(int(np.prod(grid_of(self.results), dtype=np.int64)))
-        there = with_outcomes(self.results, blocks)
-        if np.any(trials[~_points_of(there, trials.shape, self.cut())] > 0):
-            raise InputError(f"{self.results / 'end'}: outcomes of {len(blocks) - len(there)} of {len(blocks)} blocks "
-                             f"are not there; {WHOLE}")  # fmt: skip
-
     def claimed(self) -> AbstractContextManager[None]:
         """Hold the folder against a second driver on this machine; shards claim nothing, they share no block.
 
