@@ -10,7 +10,7 @@
 | `runner`, `rows`, `rerun` | trials on a device, a world each; their parameters and starts; one of them run again |
 | `stopping` | how many trials a point gets, and the intervals that decide it |
 | `plan`, `compute`, `asked` | what a study will take; blocks of it computed; what its store says of it |
-| `store`, `create`, `results` | a study on disk; its folder made as a whole; its results as a labelled table |
+| `store`, `results` | a study on disk; its results as a labelled table |
 | `differences`, `damage` | how another study differs from that of a folder; what a folder has lost |
 | `engines` | who computes what is missing, and where: this process, shards, Ray |
 | `file` | studies in TOML |

@@ -82,7 +82,7 @@ class Variable:
 
 @dataclass(frozen=True)
 class Store:
-    """The folder of a study; made by `create.create` or found by `open_store`."""
+    """The folder of a study; made by `engines.create` or found by `open_store`."""
 
     folder: Path
 

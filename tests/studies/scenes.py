@@ -126,3 +126,12 @@ def study_of(scene: Path, **how: Any) -> Study:
         "seed": 3,
     }
     return Study(scene, **(asked | how))
+
+
+def short_study(scene: Path) -> Study:
+    """Three blocks of short trials of a bead in a well."""
+    axes = {
+        "trap_power": grid(0.2, 1.0, 6, unit="mW"),
+        "start.x:/World/bead": values([0.0, 100.0, 200.0, 300.0], unit="nm"),
+    }
+    return Study(scene, axes=axes, observables=[trapped(until=0.004)], stop=trials(2_048), seed=3)

@@ -19,7 +19,7 @@ import pytest
 from otwarp.cli.main import main
 from otwarp.errors import InputError
 from otwarp.files import ENOUGH
-from otwarp.studies.axes import grid, values
+from otwarp.studies.axes import values
 from otwarp.studies.differences import difference
 from otwarp.studies.engines.local import keep, on_this_host
 from otwarp.studies.engines.run import prepare, run_study
@@ -27,11 +27,11 @@ from otwarp.studies.file import load_study
 from otwarp.studies.observables import trapped
 from otwarp.studies.rare.study import EscapeStudy
 from otwarp.studies.results import progress, table
-from otwarp.studies.stopping.rules import budget, trials
+from otwarp.studies.stopping.rules import budget
 from otwarp.studies.store import RULES, Store, open_store, versions
 from otwarp.studies.study import Study
 from tests.full_disk import largest_file
-from tests.studies.scenes import bead_in_a_well
+from tests.studies.scenes import bead_in_a_well, short_study
 
 pytest.importorskip("zarr")
 
@@ -43,19 +43,10 @@ def scene(tmp_path_factory):
     return bead_in_a_well(tmp_path_factory.mktemp("well"))
 
 
-def study_of(scene) -> Study:
-    """Three blocks of short trials."""
-    axes = {
-        "trap_power": grid(0.2, 1.0, 6, unit="mW"),
-        "start.x:/World/bead": values([0.0, 100.0, 200.0, 300.0], unit="nm"),
-    }
-    return Study(scene, axes=axes, observables=[trapped(until=0.004)], stop=trials(2_048), seed=3)
-
-
 @pytest.fixture(scope="module")
 def whole(scene, tmp_path_factory) -> Store:
     """What an undisturbed run gives."""
-    return run_study(study_of(scene), tmp_path_factory.mktemp("whole") / "out", devices=["cpu"])
+    return run_study(short_study(scene), tmp_path_factory.mktemp("whole") / "out", devices=["cpu"])
 
 
 def whole_block(study: Study, store: Store, number: int) -> dict[str, np.ndarray]:
@@ -77,16 +68,16 @@ def test_a_disk_that_fills_up(scene, whole, tmp_path):
                 full.enter_context(largest_file(1))
 
         with pytest.raises(OSError, match="File too large") as error:
-            run_study(study_of(scene), out, devices=["cpu"], progress=filled)
+            run_study(short_study(scene), out, devices=["cpu"], progress=filled)
         assert str(out) in error.value.filename
         with pytest.raises(InputError, match="cannot be written"):  # before anything is computed
-            run_study(study_of(scene), out, devices=["cpu"])
+            run_study(short_study(scene), out, devices=["cpu"])
         with pytest.raises((InputError, OSError)):
-            prepare(study_of(scene), tmp_path / "new")
+            prepare(short_study(scene), tmp_path / "new")
     assert open_store(out).finished() == [0]
     assert sorted(p.name for p in tmp_path.iterdir()) == ["out"]
     assert np.sum(open_store(out).read()["trials"].values == 2_048) == 8
-    assert same(run_study(study_of(scene), out, devices=["cpu"]), whole)
+    assert same(run_study(short_study(scene), out, devices=["cpu"]), whole)
 
 
 @pytest.mark.thorough
@@ -129,7 +120,7 @@ def test_no_room_for_what_is_written(whole, tmp_path, capsys, line, file):
 @pytest.mark.parametrize("written", range(4))
 def test_a_block_that_is_half_written(scene, whole, tmp_path, monkeypatch, written):
     """Read between any two of its arrays, or left so by what ended it, it is not there, and it is computed anew."""
-    study, out = study_of(scene), tmp_path / "out"
+    study, out = short_study(scene), tmp_path / "out"
     store = run_study(study, out, devices=["cpu"], shard=(1, 3))
     seen, said = table(store), progress(store)
     put, calls = Store._put, 0
@@ -156,7 +147,7 @@ def test_a_block_that_is_half_written(scene, whole, tmp_path, monkeypatch, writt
 @pytest.mark.parametrize(("task", "calls"), [([0, 1, 2], 3), ([1, 2], 3), ([0, 2], 6), ([2], 3)])
 def test_blocks_of_a_task_are_written_together(scene, whole, tmp_path, monkeypatch, task, calls):
     """Each array in one call where they fill a box, else block by block: the same store."""
-    study, put, written = study_of(scene), Store._put, []
+    study, put, written = short_study(scene), Store._put, []
     store, blocks = prepare(study, tmp_path / "out"), [whole_block(study, whole, n) for n in task]
     monkeypatch.setattr(Store, "_put", lambda at, name, *of: written.append(name) or put(at, name, *of))
     keep(study, store, task, blocks)
@@ -206,7 +197,7 @@ def test_a_half_written_point_of_escapes(scene, tmp_path):
 
 def test_two_that_begin_at_once(scene, tmp_path):
     """A folder that another process makes in the meantime, and fills, is found and not made anew."""
-    study, out = study_of(scene), tmp_path / "out"
+    study, out = short_study(scene), tmp_path / "out"
     gate = threading.Barrier(6)
     made: list[Store] = []
 
@@ -234,7 +225,7 @@ def test_remains_of_a_killed_process_go(scene, tmp_path):
     dead, alive = (tmp_path / f".out.part-{socket.gethostname()}-{pid}-x" for pid in (child.pid, os.getpid()))
     for folder in (dead, alive):
         folder.mkdir()
-    prepare(study_of(scene), tmp_path / "out")
+    prepare(short_study(scene), tmp_path / "out")
     assert not dead.exists() and alive.exists()
 
 
@@ -242,11 +233,11 @@ def test_a_changed_scene_is_refused_with_the_difference(scene, whole, tmp_path):
     """Value by value; a scene that only lies elsewhere is the same one."""
     moved = tmp_path / "elsewhere.usda"
     shutil.copy(scene, moved)
-    run_study(study_of(moved), whole.folder, devices=["cpu"])
+    run_study(short_study(moved), whole.folder, devices=["cpu"])
     (tmp_path / "other").mkdir()
     other = bead_in_a_well(tmp_path / "other", stiffness=0.6)
     with pytest.raises(InputError, match=r"traps\[0\]\.radial\.stiffness is 0\.5 there, 0\.6 now"):
-        run_study(study_of(other), whole.folder, devices=["cpu"])
+        run_study(short_study(other), whole.folder, devices=["cpu"])
 
 
 def test_another_version_is_refused_unless_it_is_allowed(scene, whole, tmp_path):
@@ -257,22 +248,22 @@ def test_another_version_is_refused_unless_it_is_allowed(scene, whole, tmp_path)
         copied = tmp_path / name
         shutil.copytree(whole.folder, copied)
         (copied / "study.json").write_text(json.dumps(said | {"versions": said["versions"] | {name: "0.0.1"}}))
-        run_study(study_of(scene), copied, devices=["cpu"])  # all is there
+        run_study(short_study(scene), copied, devices=["cpu"])  # all is there
         (copied / "done" / "000001").write_text("")
         (copied / "done" / "000002").unlink()
         if name != "python":
             with pytest.raises(InputError, match=rf"begun with {name} 0\.0\.1, .* now; allowed: .*--allow-version"):
-                run_study(study_of(scene), copied, devices=["cpu"])
+                run_study(short_study(scene), copied, devices=["cpu"])
             assert open_store(copied).finished() == [0, 1]
             with pytest.warns(UserWarning, match="blocks may differ in their last bits"):
-                run_study(study_of(scene), copied, devices=["cpu"], allow_version=True)
+                run_study(short_study(scene), copied, devices=["cpu"], allow_version=True)
         else:
-            run_study(study_of(scene), copied, devices=["cpu"])
+            run_study(short_study(scene), copied, devices=["cpu"])
         assert json.loads((copied / "done" / "000002").read_text()) == versions()
     (copied / "done" / "000002").unlink()
     older = {k: v for k, v in said["versions"].items() if k != "numpy"}
     (copied / "study.json").write_text(json.dumps(said | {"versions": older}))
-    assert same(run_study(study_of(scene), copied, devices=["cpu"]), whole)
+    assert same(run_study(short_study(scene), copied, devices=["cpu"]), whole)
 
 
 @pytest.mark.parametrize("begun", [None, RULES - 1, RULES + 1])
@@ -316,102 +307,9 @@ def test_a_folder_without_its_results(scene, whole, tmp_path):
     shutil.copytree(whole.folder, broken)
     shutil.rmtree(broken / "results.zarr")
     (broken / "done" / "000001").unlink()
-    for read in (open_store(broken).read, lambda: run_study(study_of(scene), broken, devices=["cpu"])):
+    for read in (open_store(broken).read, lambda: run_study(short_study(scene), broken, devices=["cpu"])):
         with pytest.raises(InputError, match=r"results\.zarr: is not there; allowed: the folder as otwarp study run"):
             read()
-
-
-def emptied(file: Path) -> None:
-    file.write_bytes(b"")
-
-
-def garbled(file: Path) -> None:
-    file.write_bytes(b"garbage")
-
-
-def removed(file: Path) -> None:
-    shutil.rmtree(file) if file.is_dir() else file.unlink()
-
-
-@pytest.mark.parametrize(
-    ("file", "damage", "said"),
-    [
-        ("results.zarr/end/c/1/0/0", garbled, "end/c/1/0/0: is damaged (Zstd decompression error"),
-        ("results.zarr/trials/c/2/0", emptied, "trials/c/2/0: is damaged ("),
-        ("results.zarr/trap_power/c/0", garbled, "trap_power/c/0: is damaged ("),
-        ("results.zarr/zarr.json", emptied, "results.zarr/zarr.json: is damaged ("),
-        ("results.zarr/trials/zarr.json", garbled, "trials/zarr.json: is damaged ("),
-        ("results.zarr/end/zarr.json", garbled, "end/zarr.json: is damaged ("),
-        (
-            "results.zarr/trials",
-            removed,
-            "trials/zarr.json: is not there; allowed: the folder as otwarp",
-        ),
-        ("results.zarr/end", removed, "end: is not there; allowed: the folder as otwarp"),
-        ("results.zarr/trap_power", removed, "trap_power: is not there; allowed: the folder as otwarp"),
-    ],
-)
-def test_damaged_results_are_named(whole, tmp_path, capsys, file, damage, said):
-    """In one line, whoever reads them."""
-    out = shutil.copytree(whole.folder, tmp_path / "out")
-    damage(out / file)
-    for words in (["status", str(out)], ["show", str(out)], ["export", str(out), "-o", str(tmp_path / "x.nc")]):
-        assert main(["study", *words]) == 2
-        error = capsys.readouterr().err
-        assert said in error and error.count("\n") == 1
-    assert not (tmp_path / "x.nc").exists()
-
-
-@pytest.mark.parametrize("name", ["scene", "observables", "stop", "blocks", "axes", "versions"])
-def test_a_study_that_says_nonsense_of_itself(whole, tmp_path, name):
-    out = shutil.copytree(whole.folder, tmp_path / "out")
-    said = json.loads((out / "study.json").read_text()) | {name: "nonsense"}
-    (out / "study.json").write_text(json.dumps(said))
-    with pytest.raises(InputError, match=rf"study\.json: {name} = .*nonsense"):
-        open_store(out)
-
-
-def test_blocks_whose_outcomes_were_lost_are_computed_again(scene, whole, tmp_path):
-    """A copy may lack a chunk, which zarr takes for one that was never written: those trials would go on for ever."""
-    out = shutil.copytree(whole.folder, tmp_path / "out")
-    (out / "results.zarr" / "end" / "c" / "1" / "0" / "0").unlink()
-    (out / "done" / "000099").touch()
-    (out / "done" / "000002").unlink()
-    (out / "done" / "000002").mkdir()
-    assert open_store(out).finished() == [0]
-    assert progress(open_store(out))["points_done"] == whole.trials().size // 3
-    (out / "done" / "000002").rmdir()
-    run_study(study_of(scene), out, devices=["cpu"])
-    assert open_store(out).finished() == [0, 1, 2]
-    assert table(open_store(out)).identical(table(whole))
-
-
-def test_ends_without_their_times_are_refused(whole, tmp_path):
-    out = shutil.copytree(whole.folder, tmp_path / "out")
-    shutil.rmtree(out / "results.zarr" / "end_time" / "c")
-    with pytest.raises(InputError, match=r"end_time: of \d+ of \d+ trials that ended the time is not there; allowed"):
-        table(open_store(out))
-
-
-def test_a_folder_without_its_empty_one_goes_on(scene, whole, tmp_path):
-    """As copies by git and by stores of objects leave it."""
-    study = study_of(scene)
-    prepare(study, tmp_path / "out")
-    (tmp_path / "out" / "done").rmdir()
-    run_study(study, tmp_path / "out", devices=["cpu"])
-    assert table(open_store(tmp_path / "out")).identical(table(whole))
-
-
-def test_counted_trials_without_outcomes_are_refused(scene, tmp_path):
-    """Of a study with a budget no mark says what is whole."""
-    study = Study(scene, axes={"trap_power": grid(0.2, 1.0, 2, unit="mW")}, observables=[trapped(until=0.004)],
-                  stop=budget(256), seed=3)  # fmt: skip
-    store = run_study(study, tmp_path / "out", devices=["cpu"])
-    for chunk in (store.results / "end" / "c").rglob("*"):
-        if chunk.is_file():
-            chunk.unlink()
-    with pytest.raises(InputError, match=r"end: outcomes of \d+ of \d+ blocks are not there"):
-        progress(open_store(tmp_path / "out"))
 
 
 def test_difference():
@@ -427,7 +325,7 @@ def test_devices_side_by_side(scene, whole, tmp_path):
     """Several devices, one thread that writes: the same bits, each block said once."""
     said: list[int] = []
     engine = on_this_host(["cpu", "cpu"])
-    store = run_study(study_of(scene), tmp_path / "out", engine=engine, progress=lambda done, _: said.append(done))
+    store = run_study(short_study(scene), tmp_path / "out", engine=engine, progress=lambda done, _: said.append(done))
     assert said == [0, 1, 2, 3] and same(store, whole)
 
 
@@ -440,7 +338,7 @@ def test_results_that_go_while_a_study_runs_end_it(scene, tmp_path):
             shutil.rmtree(out / "results.zarr")
 
     with pytest.raises(FileNotFoundError, match=r"results\.zarr") as caught:
-        run_study(study_of(scene), out, devices=["cpu"], progress=gone)
+        run_study(short_study(scene), out, devices=["cpu"], progress=gone)
     assert Path(caught.value.filename).name == "zarr.json"
     assert [mark.name for mark in (out / "done").iterdir()] == ["000000"]
     assert not (out / "results.zarr").exists()

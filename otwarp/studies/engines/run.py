@@ -16,8 +16,8 @@ from otwarp.scene import Scene, export_flattened
 from otwarp.scene.digest import scene_digest
 from otwarp.studies.any_study import AnyStudy
 from otwarp.studies.asked import texts_of
-from otwarp.studies.create import create
 from otwarp.studies.differences import difference
+from otwarp.studies.engines.create import create
 from otwarp.studies.engines.local import Engine, blocks_of, on_this_host
 from otwarp.studies.engines.rounds import spend
 from otwarp.studies.store import Store, Variable, check_versions
