@@ -10,7 +10,17 @@ from otwarp.kernels.contact.contact import Contact
 from otwarp.kernels.core.faults import Fault, raise_fault
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.packed import beside, curvature_of, point_of
-from otwarp.kernels.core.reads import put_strided_vec4, strided_vec4_at
+from otwarp.kernels.core.reads import (
+    pair_at,
+    pitch_of,
+    put_pair,
+    put_real,
+    put_vec2,
+    put_vec4,
+    real_at,
+    vec2_at,
+    vec4_at,
+)
 from otwarp.kernels.core.roots import square_root
 from otwarp.kernels.core.team import count_below, team_of
 from otwarp.kernels.core.types import ReadoutData
@@ -31,8 +41,8 @@ class ContactList:
     depth: wp.array(dtype=float)  # δ that carries the load above the floor [µm]
     arm_a: wp.array(dtype=wp.vec4)  # and the effective radius
     arm_b: wp.array(dtype=wp.vec4)  # and the curvature
-    ridge: wp.array(dtype=wp.vec3)  # only where elements or obstacles have one
-    drift: wp.array(dtype=wp.vec3)  # only where obstacles move
+    ridge: wp.array(dtype=wp.vec3)  # only where elements or obstacles have one; of bodies only where there are rods
+    drift: wp.array(dtype=wp.vec3)  # only where obstacles move, and of these contacts alone
 
 
 def has_ridges(f: Features) -> bool:
@@ -48,26 +58,31 @@ def unused_fields(f: Features) -> set[str]:
 
 
 def put_term(f: Features) -> wp.Function:
-    """`(readout, world, listed, count, c, step) -> count`: append a contact to a world's list."""
+    """`(readout, world, listed, count, c, opening, step) -> count`: append a contact to a world's list."""
 
     @wp.func
-    def put(readout: ReadoutData, world: int, listed: ContactList, count: int, c: Contact, step: wp.int64) -> int:
-        """The new count; a fault when the list is full."""
+    def put(
+        readout: ReadoutData, world: int, listed: ContactList, count: int, c: Contact, opening: float, step: wp.int64
+    ) -> int:
+        """The new count; a fault when the list is full. `opening` [µm] as `first_opening_term` has it."""
         if count >= wp.static(f.max_contacts):
             raise_fault(readout, world, c.a, wp.static(int(Fault.OVERFLOW)), step)
             return count
         if wp.static(f.body_space):
-            listed.pair[count] = wp.vec2i(c.a, c.b)
-            put_strided_vec4(listed.face, count, beside(c.normal, 0.0))
-            put_strided_vec4(listed.law, count, wp.vec4(c.overlap, c.hardness, c.give, c.floor))
-            listed.path[count] = wp.vec2(c.wander, c.layer)
-            listed.depth[count] = 0.0
-            put_strided_vec4(listed.arm_a, count, beside(c.arm_a, c.radius))
-            put_strided_vec4(listed.arm_b, count, beside(c.arm_b, c.curvature))
+            at = count * pitch_of(listed.face)
+            put_pair(listed.pair, at, wp.vec2i(c.a, c.b))
+            put_vec4(listed.face, at, beside(c.normal, opening))
+            put_vec4(listed.law, at, wp.vec4(c.overlap, c.hardness, c.give, c.floor))
+            put_vec2(listed.path, at, wp.vec2(c.wander, c.layer))
+            put_real(listed.depth, at, 0.0)
+            put_vec4(listed.arm_a, at, beside(c.arm_a, c.radius))
+            put_vec4(listed.arm_b, at, beside(c.arm_b, c.curvature))
             if wp.static(has_ridges(f)):
-                listed.ridge[count] = c.ridge
+                if c.b < 0 or wp.static(f.rods):
+                    listed.ridge[count] = c.ridge
             if wp.static(f.moving_obstacles):
-                listed.drift[count] = c.drift
+                if c.b < 0:
+                    listed.drift[count] = c.drift
         else:
             listed.whole[count] = c
         return count + 1
@@ -101,9 +116,29 @@ class Entry:
 @wp.func
 def entry_at(listed: ContactList, i: int) -> Entry:
     """Entry i with the fields and units of `ContactList`, read at once so that loads do not wait for each other."""
+    at = i * pitch_of(listed.face)
     return Entry(
-        listed.pair[i], strided_vec4_at(listed.face, i), strided_vec4_at(listed.law, i), listed.path[i], listed.depth[i]
-    )
+        pair_at(listed.pair, at), vec4_at(listed.face, at), vec4_at(listed.law, at), vec2_at(listed.path, at),
+        real_at(listed.depth, at),
+    )  # fmt: skip
+
+
+@wp.func
+def keep_depth(listed: ContactList, i: int, depth: float):
+    """Write the depth [µm] of entry i."""
+    put_real(listed.depth, i * pitch_of(listed.face), depth)
+
+
+@wp.func
+def keep_opening(listed: ContactList, i: int, normal: wp.vec3, opening: float):
+    """Write how far the moves of a stage open the gap [µm] of entry i, beside its normal."""
+    put_vec4(listed.face, i * pitch_of(listed.face), beside(normal, opening))
+
+
+@wp.func
+def wander_at(listed: ContactList, i: int) -> float:
+    """Wander [µm²] of entry i."""
+    return vec2_at(listed.path, i * pitch_of(listed.face))[0]
 
 
 @wp.func
@@ -132,18 +167,21 @@ def face_term(f: Features) -> wp.Function:
     def face(listed: ContactList, i: int) -> Contact:
         """Bodies, normal, arms, curvature, ridge and drift."""
         c = Contact()
-        pair = listed.pair[i]
-        arm_b = strided_vec4_at(listed.arm_b, i)
+        at = i * pitch_of(listed.face)
+        pair = pair_at(listed.pair, at)
+        arm_b = vec4_at(listed.arm_b, at)
         c.a = pair[0]
         c.b = pair[1]
-        c.normal = point_of(strided_vec4_at(listed.face, i))
-        c.arm_a = point_of(strided_vec4_at(listed.arm_a, i))
+        c.normal = point_of(vec4_at(listed.face, at))
+        c.arm_a = point_of(vec4_at(listed.arm_a, at))
         c.arm_b = point_of(arm_b)
         c.curvature = curvature_of(arm_b)
         if wp.static(has_ridges(f)):
-            c.ridge = listed.ridge[i]
+            if c.b < 0 or wp.static(f.rods):
+                c.ridge = listed.ridge[i]
         if wp.static(f.moving_obstacles):
-            c.drift = listed.drift[i]
+            if c.b < 0:
+                c.drift = listed.drift[i]
         return c
 
     return face
@@ -152,8 +190,9 @@ def face_term(f: Features) -> wp.Function:
 @wp.func
 def load_at(listed: ContactList, i: int) -> float:
     """Load of contact i [pN], from the depth that carries it."""
-    law = law_of(strided_vec4_at(listed.law, i), wp.vec2())
-    depth = listed.depth[i]
+    at = i * pitch_of(listed.face)
+    law = law_of(vec4_at(listed.law, at), wp.vec2())
+    depth = real_at(listed.depth, at)
     return law.floor + law.hardness * depth * square_root(depth)
 
 

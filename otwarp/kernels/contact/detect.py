@@ -18,6 +18,7 @@ from otwarp.kernels.contact.contact import (
 from otwarp.kernels.contact.contact_list import ContactList, counted_term, put_term
 from otwarp.kernels.contact.curvature import beside_rod
 from otwarp.kernels.contact.excursion import excursion_term
+from otwarp.kernels.contact.open_gaps import first_opening_term
 from otwarp.kernels.contact.response import give_term, response_term
 from otwarp.kernels.contact.segments import (
     MERGE,
@@ -37,7 +38,7 @@ from otwarp.kernels.core.packed import point_of, radius_of
 from otwarp.kernels.core.reads import vec4_at
 from otwarp.kernels.core.roots import direction_of, length_of
 from otwarp.kernels.core.team import count_below, team_of
-from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData
+from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData, vec6
 
 
 def new_contact_term(f: Features) -> wp.Function:
@@ -136,13 +137,13 @@ def sphere_pair_term(f: Features) -> wp.Function:
     team = team_of(f)
     votes_of, lane_of = team.votes, team.lane
     touch, excursion = touch_term(f), excursion_term(f)
-    put, counted = put_term(f), counted_term(f)
+    put, counted, first_opening = put_term(f), counted_term(f), first_opening_term(f)
 
     @wp.func
     def sphere_pair(
         model: ModelData, readout: ReadoutData, world: int, a: int, b: int, pose_a: Pose, pose_b: Pose,
         move_a: Move, move_b: Move, i: int, j: int, rod_a: Segment, rod_b: Segment, wanted: bool, reach: float,
-        listed: ContactList, count: int, step: wp.int64,
+        free: wp.array(dtype=vec6), drift: wp.array(dtype=vec6), listed: ContactList, count: int, step: wp.int64,
     ) -> int:  # fmt: skip
         """Two spheres at once: each thread of the team finds out whether its own touch."""
         ri = radius_of(vec4_at(model.contact.sphere, i))
@@ -155,8 +156,10 @@ def sphere_pair_term(f: Features) -> wp.Function:
         votes = votes_of(near)
         if near:
             c = touch(model, readout, world, a, b, pose_a, pose_b, rod_a.centre, rod_b.centre, ri, rj, step)
-            c = excursion(model, world, c, opening_of(c, move_a, move_b), i, j, 0, step)
-            put(readout, world, listed, count + count_below(votes, lane_of()), c, step)
+            opening = opening_of(c, move_a, move_b)
+            c = excursion(model, world, c, opening, i, j, 0, step)
+            opening = first_opening(c, opening, free, drift)
+            put(readout, world, listed, count + count_below(votes, lane_of()), c, opening, step)
         return counted(votes, count)
 
     return sphere_pair
@@ -164,14 +167,14 @@ def sphere_pair_term(f: Features) -> wp.Function:
 
 def rod_pair_term(f: Features) -> wp.Function:
     """`element_pair_term` where elements may be rods: a team is one thread."""
-    touch, excursion, put = touch_term(f), excursion_term(f), put_term(f)
+    touch, excursion, put, first_opening = touch_term(f), excursion_term(f), put_term(f), first_opening_term(f)
     valley = valley_term(segment_slope)
 
     @wp.func
     def rod_pair(
         model: ModelData, readout: ReadoutData, world: int, a: int, b: int, pose_a: Pose, pose_b: Pose,
         move_a: Move, move_b: Move, i: int, j: int, rod_a: Segment, rod_b: Segment, wanted: bool, reach: float,
-        listed: ContactList, count: int, step: wp.int64,
+        free: wp.array(dtype=vec6), drift: wp.array(dtype=vec6), listed: ContactList, count: int, step: wp.int64,
     ) -> int:  # fmt: skip
         """A rod at the point nearest to a sphere; two rods at their valley of nearest points."""
         ri = radius_of(vec4_at(model.contact.sphere, i))
@@ -198,34 +201,38 @@ def rod_pair_term(f: Features) -> wp.Function:
                     if length_of(point - facing) < ri + rj + reach + closing:
                         c = touch(model, readout, world, a, b, pose_a, pose_b, point, facing + between, ri, rj, step)
                         c = beside_rod(beside_rod(c, rod_a.half), rod_b.half)
-                        c = excursion(model, world, c, opening_of(c, move_a, move_b), i, j, choice, step)
-                        count = put(readout, world, listed, count, c, step)
+                        opening = opening_of(c, move_a, move_b)
+                        c = excursion(model, world, c, opening, i, j, choice, step)
+                        opening = first_opening(c, opening, free, drift)
+                        count = put(readout, world, listed, count, c, opening, step)
         return count
 
     return rod_pair
 
 
 def pair_reach_term(f: Features) -> wp.Function:
-    """`(model, a, b, pose_a, pose_b, move_a, move_b, pushed) -> reach`, as `pair_contacts_term` takes it."""
+    """`(model, a, b, pose_a, pose_b, travel, pushed) -> reach`, as `pair_contacts_term` takes it.
+
+    `travel` [µm]: how far the free moves of this step take any points of both bodies together.
+    """
 
     @wp.func
     def reach_of_pair(
-        model: ModelData, a: int, b: int, pose_a: Pose, pose_b: Pose, move_a: Move, move_b: Move, pushed: float
+        model: ModelData, a: int, b: int, pose_a: Pose, pose_b: Pose, travel: float, pushed: float
     ) -> float:  # fmt: skip
         """Gap [µm] within which contacts are listed whether or not the moves close it; −1 for bodies too far apart."""
         reach = pair_reach(model.contact, a, b) + pushed
-        far = reach + free_travel(model, a, move_a) + free_travel(model, b, move_b)
         apart = length_of(pose_a.position - pose_b.position)
-        return wp.where(apart < model.body.bound[a] + model.body.bound[b] + far, reach, -1.0)
+        return wp.where(apart < model.body.bound[a] + model.body.bound[b] + reach + travel, reach, -1.0)
 
     return reach_of_pair
 
 
 def pair_contacts_term(f: Features) -> wp.Function:
-    """`(model, readout, world, a, b, pose_a, pose_b, move_a, move_b, reach, listed, count, step) -> count`.
+    """`(model, readout, world, a, b, pose_a, pose_b, move_a, move_b, reach, free, drift, …, step) -> count`.
 
-    The moves are the free ones of this step. The threads of a team take other elements each, of the body that has more
-    than one.
+    The moves are the free ones of this step, `free` those of all bodies and `drift` what of them is not noise. The
+    threads of a team take other elements each, of the body that has more than one.
     """
     team = team_of(f)
     votes_of, lane_of, size_of = team.votes, team.lane, team.size
@@ -235,7 +242,8 @@ def pair_contacts_term(f: Features) -> wp.Function:
     @wp.func
     def pair_contacts(
         model: ModelData, readout: ReadoutData, world: int, a: int, b: int, pose_a: Pose, pose_b: Pose, move_a: Move,
-        move_b: Move, reach: float, listed: ContactList, count: int, step: wp.int64,
+        move_b: Move, reach: float, free: wp.array(dtype=vec6), drift: wp.array(dtype=vec6), listed: ContactList,
+        count: int, step: wp.int64,
     ) -> int:  # fmt: skip
         """New count; tests element against body, then element against element."""
         far = reach + free_travel(model, a, move_a) + free_travel(model, b, move_b)
@@ -259,7 +267,7 @@ def pair_contacts_term(f: Features) -> wp.Function:
                     rod_b = element(model, j, pose_b.rotation)
                     count = element_pair(
                         model, readout, world, a, b, pose_a, pose_b, move_a, move_b, i, j, rod_a, rod_b,
-                        near and first_b + lane_b <= last_b, reach, listed, count, step,
+                        near and first_b + lane_b <= last_b, reach, free, drift, listed, count, step,
                     )  # fmt: skip
         return count
 

@@ -8,6 +8,7 @@ from otwarp.kernels.contact.curvature import beside_rod, path_bend_term, relativ
 from otwarp.kernels.contact.detect import element_term, new_contact_term
 from otwarp.kernels.contact.excursion import excursion_term, obstacle_name
 from otwarp.kernels.contact.obstacles import distance_term, moving_pose, still_pose
+from otwarp.kernels.contact.open_gaps import first_opening_term
 from otwarp.kernels.contact.segments import (
     MERGE,
     Segment,
@@ -25,7 +26,7 @@ from otwarp.kernels.core.packed import curvature_of, distance_of, point_of, radi
 from otwarp.kernels.core.periodic import image_shift
 from otwarp.kernels.core.roots import length_of
 from otwarp.kernels.core.team import count_below, team_of
-from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData
+from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData, vec6
 
 
 def touch_wall_term(f: Features) -> wp.Function:
@@ -70,6 +71,7 @@ def rod_wall_term(f: Features) -> wp.Function:
     A rod against obstacle o: `rod` in the world and `inside` in the obstacle's frame.
     """
     touch_wall, put, excursion = touch_wall_term(f), put_term(f), excursion_term(f)
+    first_opening = first_opening_term(f)
     distance_to = distance_term(f.obstacles)
     valley = valley_term(obstacle_slope_term(distance_to))
 
@@ -77,7 +79,7 @@ def rod_wall_term(f: Features) -> wp.Function:
     def rod_wall(
         model: ModelData, readout: ReadoutData, world: int, a: int, o: int, i: int,
         pose: Pose, move: Move, wall: Pose, later: Pose, rod: Segment, inside: Segment, reach: float, far: float,
-        listed: ContactList, count: int, step: wp.int64,
+        free: wp.array(dtype=vec6), drift: wp.array(dtype=vec6), listed: ContactList, count: int, step: wp.int64,
     ) -> int:  # fmt: skip
         """At the valley of its distance to the obstacle, piece by piece; `far` [µm]: how far a mesh answers."""
         radius = radius_of(model.contact.sphere[i])
@@ -96,15 +98,17 @@ def rod_wall_term(f: Features) -> wp.Function:
                     if distance_of(hit) < radius + reach + closing_on(move, arm, way):
                         c = touch_wall(model, readout, world, a, o, pose, wall, later, arm, radius, point, hit, step)
                         c = beside_rod(c, rod.half)
-                        c = excursion(model, world, c, opening_of(c, move, still), i, obstacle_name(o), choice, step)
-                        count = put(readout, world, listed, count, c, step)
+                        opening = opening_of(c, move, still)
+                        c = excursion(model, world, c, opening, i, obstacle_name(o), choice, step)
+                        opening = first_opening(c, opening, free, drift)
+                        count = put(readout, world, listed, count, c, opening, step)
         return count
 
     return rod_wall
 
 
 def element_wall_term(f: Features) -> wp.Function:
-    """`(model, readout, world, a, o, i, pose, move, wall, later, wanted, reach, listed, count, step) -> count`.
+    """`(model, readout, world, a, o, i, pose, move, wall, later, wanted, reach, …, listed, count, step) -> count`.
 
     Element i of body a against obstacle o, another one in each thread of the team, if it is `wanted`; `reach` [µm]: gap
     up to which its own move need not close it.
@@ -112,7 +116,7 @@ def element_wall_term(f: Features) -> wp.Function:
     team = team_of(f)
     votes_of, lane_of = team.votes, team.lane
     touch_wall = touch_wall_term(f)
-    put, counted = put_term(f), counted_term(f)
+    put, counted, first_opening = put_term(f), counted_term(f), first_opening_term(f)
     excursion = excursion_term(f)
     element = element_term(f)
     distance_to = distance_term(f.obstacles)
@@ -121,8 +125,8 @@ def element_wall_term(f: Features) -> wp.Function:
     @wp.func
     def element_wall(
         model: ModelData, readout: ReadoutData, world: int, a: int, o: int, i: int,
-        pose: Pose, move: Move, wall: Pose, later: Pose, wanted: bool, reach: float,
-        listed: ContactList, count: int, step: wp.int64,
+        pose: Pose, move: Move, wall: Pose, later: Pose, wanted: bool, reach: float, free: wp.array(dtype=vec6),
+        drift: wp.array(dtype=vec6), listed: ContactList, count: int, step: wp.int64,
     ) -> int:  # fmt: skip
         """A sphere at its centre, or a rod; where there are rods, a team is one thread."""
         rod = element(model, i, pose.rotation)
@@ -141,16 +145,18 @@ def element_wall_term(f: Features) -> wp.Function:
         votes = votes_of(near)
         if near:
             c = touch_wall(model, readout, world, a, o, pose, wall, later, rod.centre, radius, local, hit, step)
-            c = excursion(model, world, c, opening_of(c, move, still), i, obstacle_name(o), 0, step)
-            put(readout, world, listed, count + count_below(votes, lane_of()), c, step)
+            opening = opening_of(c, move, still)
+            c = excursion(model, world, c, opening, i, obstacle_name(o), 0, step)
+            opening = first_opening(c, opening, free, drift)
+            put(readout, world, listed, count + count_below(votes, lane_of()), c, opening, step)
         count = counted(votes, count)
         if wp.static(f.rods):
             if wanted and distance_of(hit) < far and half > 0.0:
                 inside = Segment(local, wp.quat_rotate_inv(wall.rotation, rod.half))
                 far += half  # so that a mesh answers everywhere along the rod
                 count = rod_wall(
-                    model, readout, world, a, o, i, pose, move, wall, later, rod, inside, reach, far, listed, count,
-                    step,
+                    model, readout, world, a, o, i, pose, move, wall, later, rod, inside, reach, far, free, drift,
+                    listed, count, step,
                 )  # fmt: skip
         return count
 
@@ -175,31 +181,34 @@ def wall_poses_term(f: Features) -> wp.Function:
 
 
 def wall_reach_term(f: Features) -> wp.Function:
-    """`(model, a, o, pose, move, wall, later, pushed) -> reach`, as `wall_contacts_term` takes it.
+    """`(model, a, o, pose, wall, later, travel, pushed) -> reach`, as `wall_contacts_term` takes it.
 
-    `move` is the free one of this step; `pushed` [µm]: how far other contacts may push the body on top of it.
+    `travel` [µm]: how far the free move of this step takes any point of the body; `pushed` [µm]: how far other contacts
+    may push it on top of that.
     """
     distance_to = distance_term(f.obstacles)
 
     @wp.func
     def wall_reach(
-        model: ModelData, a: int, o: int, pose: Pose, move: Move, wall: Pose, later: Pose, pushed: float
+        model: ModelData, a: int, o: int, pose: Pose, wall: Pose, later: Pose, travel: float, pushed: float
     ) -> float:  # fmt: skip
         """Gap [µm] up to which the body's own move need not close it; −1 for a body too far away.
 
-        Tests the bounding sphere, then the true shape.
+        Tests the bounding spheres, then the true shape.
         """
         if wp.static(f.periodic):
             pose.position += image_shift(model.period, pose.position - wall.position)
         reach = pair_reach(model.contact, a, NO_CONTACT) + pushed
-        centre = wp.quat_rotate_inv(wall.rotation, pose.position - wall.position)
+        way = pose.position - wall.position
+        apart = length_of(way)
         if wp.static(f.moving_obstacles):
             if model.obstacles.key_start[o + 1] - model.obstacles.key_start[o] > 1:
-                reach += obstacle_travel(wall, later, length_of(centre) + model.body.bound[a])
-        bound = model.body.bound[a] + reach + free_travel(model, a, move)
-        near = length_of(centre) < bound + model.obstacles.bound[o]
+                reach += obstacle_travel(wall, later, apart + model.body.bound[a])
+        bound = model.body.bound[a] + reach + travel
+        near = apart < bound + model.obstacles.bound[o]
         if near:
             # the body's bounding sphere against the true shape, before its elements one by one
+            centre = wp.quat_rotate_inv(wall.rotation, way)
             near = distance_of(distance_to(model.obstacles, o, centre, bound)) < bound
         return wp.where(near, reach, -1.0)
 
@@ -207,7 +216,7 @@ def wall_reach_term(f: Features) -> wp.Function:
 
 
 def wall_contacts_term(f: Features) -> wp.Function:
-    """`(model, readout, world, a, o, pose, move, wall, later, reach, listed, count, step) -> count`.
+    """`(model, readout, world, a, o, pose, move, wall, later, reach, free, drift, listed, count, step) -> count`.
 
     Body a and obstacle o; the threads of a team take other elements each.
     """
@@ -218,7 +227,8 @@ def wall_contacts_term(f: Features) -> wp.Function:
     @wp.func
     def wall_contacts(
         model: ModelData, readout: ReadoutData, world: int, a: int, o: int, pose: Pose, move: Move, wall: Pose,
-        later: Pose, reach: float, listed: ContactList, count: int, step: wp.int64,
+        later: Pose, reach: float, free: wp.array(dtype=vec6), drift: wp.array(dtype=vec6), listed: ContactList,
+        count: int, step: wp.int64,
     ) -> int:  # fmt: skip
         """Count of contacts [1] when each element of body a has been held against obstacle o."""
         if wp.static(f.periodic):
@@ -227,8 +237,8 @@ def wall_contacts_term(f: Features) -> wp.Function:
         for first in range(model.contact.start[a], last + 1, size_of()):
             i = wp.min(first + lane_of(), last)
             count = element_wall(
-                model, readout, world, a, o, i, pose, move, wall, later, first + lane_of() <= last, reach, listed,
-                count, step,
+                model, readout, world, a, o, i, pose, move, wall, later, first + lane_of() <= last, reach, free, drift,
+                listed, count, step,
             )  # fmt: skip
         return count
 

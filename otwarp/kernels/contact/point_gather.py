@@ -5,7 +5,7 @@ from typing import Any
 import warp as wp
 
 from otwarp.kernels.contact.body_solve import settling_team
-from otwarp.kernels.contact.contact_list import ContactList, entry_at, law_of, opened_by
+from otwarp.kernels.contact.contact_list import ContactList, entry_at, keep_depth, law_of, opened_by
 from otwarp.kernels.contact.implicit_law import DEPTH_ROUNDS, DEPTH_TOLERANCE, Line, line_of
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.packed import point_of
@@ -118,7 +118,7 @@ def gather_points_term(f: Features) -> wp.Function:
                     opening = opened_by(entry.face) + wp.dot(way, point_of(entry.face))
                     line = line_of(law_of(entry.law, entry.path), opening, entry.depth, first)
                     if i + lane_of() < count:
-                        listed.depth[i + lane_of()] = line.depth
+                        keep_depth(listed, i + lane_of(), line.depth)
                 own = point_of(entry.face)
                 n = wp.vec3(value_of(own[0], lane), value_of(own[1], lane), value_of(own[2], lane))
                 stiffness = stiffness + wp.outer(value_of(line.slope, lane) * n, n)

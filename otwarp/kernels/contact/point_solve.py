@@ -19,7 +19,6 @@ from otwarp.kernels.core.periodic import image_shift
 from otwarp.kernels.core.reads import mat66_at
 from otwarp.kernels.core.roots import length_of, reciprocal_root
 from otwarp.kernels.core.rotation import rotation_matrix
-from otwarp.kernels.core.team import first_of
 from otwarp.kernels.core.types import ModelData, mat66
 
 _BITS = wp.constant(4)
@@ -28,17 +27,29 @@ _BITS = wp.constant(4)
 _PARTNER = wp.constant(15)
 """Their mask: 1 + the number of a body, 0 for none."""
 
+FIRST_SLACK = wp.constant(10.0)
+"""What may be out of balance in the first of two stages, over that at the end of a step.
+
+The places of the first stage serve to find the drift a second time and no more: an error e of theirs moves a body by
+½·(step/relaxation time)·e, at most a tenth of e in steps that are chosen.
+"""
+
+DOUBT = wp.constant(10.0)
+"""By so much an error may be larger than Newton's method lets expect."""
+
 MANY = wp.constant(-1)
 """In place of partners: some body is touched through more than one point."""
 
 
-def partners_term(f: Features) -> wp.Function:
-    """`(model, listed, count) -> int`: the lone sphere that each rigid body touches, or `MANY`."""
-    turning, team = turning_term(f), settling_team(f)
-    size_of, lane_of, bits_of, votes_of = team.size, team.lane, team.bits, team.votes
+def joined_term(f: Features) -> wp.Function:
+    """`(model, partners, a, b) -> int`: partners once bodies a and b touch; b is −1 for an obstacle.
+
+    1 + the number of the lone sphere that each rigid body touches, `_BITS` a body, 0 for bodies without; or `MANY`.
+    """
+    turning = turning_term(f)
 
     @wp.func
-    def joined(partners: int, b: int, other: int) -> int:
+    def with_partner(partners: int, b: int, other: int) -> int:
         """The partners with sphere `other` as that of body b, or `MANY` if it has another one."""
         known = (partners >> (_BITS * b)) & _PARTNER
         result = partners | ((other + 1) << (_BITS * b))
@@ -47,46 +58,22 @@ def partners_term(f: Features) -> wp.Function:
         return result
 
     @wp.func
-    def own_partners(model: ModelData, listed: ContactList, count: int) -> int:
-        """The partners by every so many contacts, those of one thread of the team."""
-        turns = int(0)
-        for b in range(wp.static(f.bodies)):
-            turns = turns | wp.where(turning(model, b), 1 << b, 0)
-        partners = int(0)
-        for i in range(lane_of(), count, size_of()):
-            pair = listed.pair[i]
-            a = pair[0]
-            b = pair[1]
-            other_turns = b >= 0 and (turns >> wp.max(b, 0)) & 1 != 0
-            if (turns >> a) & 1 != 0:
-                if b < 0 or other_turns:
-                    return MANY
-                partners = joined(partners, a, b)
-            elif other_turns:
-                partners = joined(partners, b, a)
-            if partners == MANY:
-                return MANY
-        return partners
-
-    @wp.func
-    def partners_of(model: ModelData, listed: ContactList, count: int) -> int:
-        """1 + the number of each rigid body's partner, `_BITS` a body; 0 for bodies without."""
-        partners = int(0)
+    def joined(model: ModelData, partners: int, a: int, b: int) -> int:
+        """The new partners; a rigid body that touches another one or an obstacle is not moved by one point."""
+        result = partners
         if wp.static(f.rigid):
-            mine = own_partners(model, listed, count)
-            if votes_of(mine == MANY) != 0:
-                return MANY
-            for b in range(wp.static(f.bodies)):
-                other = (mine >> (_BITS * b)) & _PARTNER
-                votes = votes_of(other != 0)
-                if votes != 0:
-                    agreed = bits_of(other, first_of(votes))
-                    if votes_of(other != 0 and other != agreed) != 0:
-                        return MANY
-                    partners = partners | (agreed << (_BITS * b))
-        return partners
+            if partners != MANY:
+                own_turns = turning(model, a)
+                other_turns = b >= 0 and turning(model, wp.max(b, 0))
+                if own_turns and (b < 0 or other_turns):
+                    result = MANY
+                elif own_turns:
+                    result = with_partner(partners, a, b)
+                elif other_turns:
+                    result = with_partner(partners, b, a)
+        return result
 
-    return partners_of
+    return joined
 
 
 @wp.func
@@ -236,8 +223,17 @@ def take_points_term(f: Features) -> wp.Function:
     return take_points
 
 
+@wp.func
+def balanced_next(before: float, error: float) -> bool:
+    """Whether the next of Newton's steps should leave forces in balance for a first stage, by the errors [µm] so far.
+
+    An error is about a constant times the square of the one before it.
+    """
+    return before > 0.0 and DOUBT * error * error * error <= FIRST_SLACK * BALANCED * before * before
+
+
 def solve_points_term(f: Features) -> wp.Function:
-    """`(model, world, listed, count, partners, position, rotation, again, linear, angular, kept) -> float`."""
+    """`(model, world, listed, count, partners, position, rotation, again, linear, angular, kept, rough) -> float`."""
     point_arm, point_drag = point_arm_term(f), point_drag_term(f)
     gather, solve_system = gather_term(f), solve_system_term(3 * f.bodies)
     take_points = take_points_term(f)
@@ -249,12 +245,13 @@ def solve_points_term(f: Features) -> wp.Function:
     def solve_points(
         model: ModelData, world: int, listed: ContactList, count: int, partners: int,
         position: wp.array(dtype=wp.vec3), rotation: wp.array(dtype=wp.quat), again: bool,
-        linear: wp.array(dtype=wp.vec3), angular: wp.array(dtype=wp.vec3), kept: wp.array(dtype=wp.vec3),
+        linear: wp.array(dtype=wp.vec3), angular: wp.array(dtype=wp.vec3), kept: wp.array(dtype=wp.vec3), rough: bool,
     ) -> float:  # fmt: skip
         """Find the depths of all contacts, and add what they move to the free moves of the bodies [µm, rad].
 
-        `kept`: the moves of the points [µm], from which it starts if `again`. Returns how far forces out of balance
-        would move a body [µm]: 0 unless the rounds ran out.
+        `kept`: the moves of the points [µm], from which it starts if `again`. A `rough` solution ends with a step after
+        which forces should balance, and is not looked at again. Returns how far forces out of balance would move a body
+        [µm]: 0 unless the rounds ran out.
         """
         scale = step_over_viscosity(model, world)
         drags = blocks()
@@ -278,10 +275,12 @@ def solve_points_term(f: Features) -> wp.Function:
                 if again:
                     moved[3 * k + r] = kept[k][r]
         error = float(0.0)
+        last = bool(False)
         for round in range(ROUNDS):
             first = round == 0 and not again
             system, right = gather(listed, count, first, drags, moved)
             if not first:
+                before = error
                 error = float(0.0)
                 for k in range(wp.static(bodies)):
                     left = wp.vec3(right[3 * k], right[3 * k + 1], right[3 * k + 2])
@@ -290,7 +289,12 @@ def solve_points_term(f: Features) -> wp.Function:
                     error = 0.0
                 if error == 0.0 or round == ROUNDS - 1:
                     break
+                if rough and balanced_next(before, error):
+                    error = 0.0
+                    last = True
             moved += wp.where(round < WHOLE_ROUNDS, 1.0, 0.5) * solve_system(system, right)
+            if last:
+                break
         take_points(model, scale, partners, position, rotation, drags, moved, linear, angular, kept)
         return error
 

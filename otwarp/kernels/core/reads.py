@@ -22,26 +22,73 @@ def vec4_at(rows: wp.array(dtype=wp.vec4), n: int) -> wp.vec4:
 
 
 @wp.func_native("""
-    auto row = reinterpret_cast<char*>(rows.data) + n * static_cast<long long>(rows.strides[0]);
-#if defined(__CUDA_ARCH__)
-    row = static_cast<char*>(__builtin_assume_aligned(row, 16));
-#endif
-    return *reinterpret_cast<decltype(rows.data)>(row);
+    return static_cast<int>(column.strides[0] / sizeof(*column.data));
 """)
-def strided_vec4_at(rows: wp.array(dtype=wp.vec4), n: int) -> wp.vec4:
-    """Row n of a view of an array of its own, whose rows need not be neighbours; in the array's units."""
+def pitch_of(column: wp.array(dtype=wp.vec4)) -> int:
+    """How many elements apart [1] neighbours are in a view of one column of an array.
+
+    Columns of arrays of one shape have it in common: an index times it serves to read and write all of them.
+    """
     ...
 
 
 @wp.func_native("""
-    auto row = reinterpret_cast<char*>(rows.data) + n * static_cast<long long>(rows.strides[0]);
 #if defined(__CUDA_ARCH__)
-    row = static_cast<char*>(__builtin_assume_aligned(row, 16));
+    *reinterpret_cast<decltype(rows.data)>(__builtin_assume_aligned(rows.data + n, 16)) = value;
+#else
+    rows.data[n] = value;
 #endif
-    *reinterpret_cast<decltype(rows.data)>(row) = value;
 """)
-def put_strided_vec4(rows: wp.array(dtype=wp.vec4), n: int, value: wp.vec4):
-    """Write row n of such a view."""
+def put_vec4(rows: wp.array(dtype=wp.vec4), n: int, value: wp.vec4):
+    """Write row n, as `vec4_at` reads it."""
+    ...
+
+
+@wp.func_native("""
+    return values.data[n];
+""")
+def vec2_at(values: wp.array(dtype=wp.vec2), n: int) -> wp.vec2:
+    """Entry n, in the array's units."""
+    ...
+
+
+@wp.func_native("""
+    values.data[n] = value;
+""")
+def put_vec2(values: wp.array(dtype=wp.vec2), n: int, value: wp.vec2):
+    """Write entry n."""
+    ...
+
+
+@wp.func_native("""
+    return values.data[n];
+""")
+def pair_at(values: wp.array(dtype=wp.vec2i), n: int) -> wp.vec2i:
+    """The two indices [1] of entry n."""
+    ...
+
+
+@wp.func_native("""
+    values.data[n] = value;
+""")
+def put_pair(values: wp.array(dtype=wp.vec2i), n: int, value: wp.vec2i):
+    """Write entry n."""
+    ...
+
+
+@wp.func_native("""
+    return values.data[n];
+""")
+def real_at(values: wp.array(dtype=wp.float32), n: int) -> float:
+    """Entry n, in the array's units."""
+    ...
+
+
+@wp.func_native("""
+    values.data[n] = value;
+""")
+def put_real(values: wp.array(dtype=wp.float32), n: int, value: float):
+    """Write entry n."""
     ...
 
 

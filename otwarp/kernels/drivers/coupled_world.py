@@ -15,7 +15,7 @@ from otwarp.kernels.core.rotation import rotate_by
 from otwarp.kernels.core.types import ControlData, ModelData, ReadoutData, StateData
 from otwarp.kernels.drivers.world import Stages, make_step_of
 from otwarp.kernels.drivers.world_contacts import bounded, find_contacts_term
-from otwarp.kernels.drivers.world_room import BodyRoom, CarryRoom, ContactRoom
+from otwarp.kernels.drivers.world_room import BodyRoom, CarryRoom, ContactRoom, Found
 from otwarp.kernels.hydrodynamics.coupling import coupled_drift_term, fill_root_term, shake_term
 from otwarp.kernels.integrate.integrators import INTEGRATORS
 from otwarp.kernels.integrate.schemes import second_look
@@ -95,11 +95,11 @@ def find_coupled_term(f: Features) -> wp.Function:
     def find_coupled(
         model: ModelData, readout: ReadoutData, world: int, body: BodyRoom, room: ContactRoom, carry: CarryRoom,
         step: wp.int64, time: wp.float64,
-    ) -> int:  # fmt: skip
-        """Contacts as without coupling, their gives [µm/pN] then with what is carried along: how many there are."""
-        count = find_contacts(model, readout, world, body, room, carry, step, time)
-        carry_gives(room.listed.whole, count, carry.pair)
-        return count
+    ) -> Found:  # fmt: skip
+        """Contacts as without coupling, their gives [µm/pN] then with what is carried along."""
+        found = find_contacts(model, readout, world, body, room, carry, step, time)
+        carry_gives(room.listed.whole, found.count, carry.pair)
+        return found
 
     return find_coupled
 
@@ -110,9 +110,10 @@ def settle_coupled_term(f: Features) -> wp.Function:
     @wp.func
     def settle_coupled(
         model: ModelData, readout: ReadoutData, world: int, body: BodyRoom, room: ContactRoom, carry: CarryRoom,
-        count: int, again: bool, step: wp.int64,
+        found: Found, again: bool, step: wp.int64,
     ):  # fmt: skip
         """Solve the contacts and add their moves [µm, rad]; a fault where the solution errs by over `UNSETTLED`."""
+        count = found.count
         if count == 0:
             return
         bodies = int(wp.static(f.bodies))

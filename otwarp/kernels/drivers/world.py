@@ -19,6 +19,7 @@ from otwarp.kernels.drivers.world_room import (
     BodyRoom,
     CarryRoom,
     ContactRoom,
+    Found,
     SolveRoom,
     WorldScratch,
     constants_term,
@@ -167,8 +168,8 @@ class Stages:
         correct: Likewise the second, from where the bodies came to with their contacts, which are then solved once
             more: a predictor without them would push a trapped body through what it presses on. None for one-stage
             schemes.
-        find: `(model, readout, world, body, room, carry, step, time) -> count` of contacts; None where nothing touches.
-        settle: `(model, readout, world, body, room, carry, count, again, step)`: add what the contacts move to the free
+        find: `(model, readout, world, body, room, carry, step, time) -> Found`; None where nothing touches.
+        settle: `(model, readout, world, body, room, carry, found, again, step)`: add what the contacts move to the free
             moves; `again` in the second stage.
     """
 
@@ -205,7 +206,7 @@ def take_step_term(f: Features, stages: Stages) -> wp.Function:
     ) -> bool:  # fmt: skip
         """Take a step, and write the contact forces if they are wanted; false, and nothing moved, after a fault."""
         time = wp.float64(step) * model.time_step
-        count = int(0)
+        found = Found()
         stages = int(wp.static(1 if correct is None else 2))
         # a loop, so that the code of the contacts is there once: a GPU fetches instructions slower than it runs them
         for stage in range(stages):
@@ -214,16 +215,16 @@ def take_step_term(f: Features, stages: Stages) -> wp.Function:
                 if wp.static(f.speed_limits):
                     move_traps(model, control, state, world, time)
                 if wp.static(f.contacts):
-                    count = find_contacts(model, readout, world, body, room, carry, step, time)
+                    found = find_contacts(model, readout, world, body, room, carry, step, time)
             elif wp.static(correct is not None):
                 correct(model, control, state, world, body, carry, step, time)
             keep_together()
             if wp.static(f.contacts):
-                settle(model, readout, world, body, room, carry, count, stage > 0, step)
+                settle(model, readout, world, body, room, carry, found, stage > 0, step)
             keep_together()
         if wp.static(f.contacts):
             if report:
-                report_contacts(readout, world, room.listed, count)
+                report_contacts(readout, world, room.listed, found.count)
         return finish(model, control, state, readout, world, body, step)
 
     return take_step

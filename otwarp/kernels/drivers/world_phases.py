@@ -23,6 +23,7 @@ from otwarp.kernels.drivers.world_moves import finish_term
 from otwarp.kernels.drivers.world_room import (
     CarryRoom,
     ContactRoom,
+    Found,
     WorldScratch,
     bodies_in_term,
     list_in_term,
@@ -32,8 +33,8 @@ from otwarp.kernels.drivers.world_room import (
 BLOCK = 64
 """Threads of a block: few, so that few worlds are spread over more multiprocessors."""
 
-FREE_BLOCKS, FIND_BLOCKS, SETTLE_BLOCKS = 8, 8, 6
-"""Blocks that a multiprocessor is to hold: 128 and 170 registers a thread, in place of 255."""
+FREE_BLOCKS, FIND_BLOCKS, SETTLE_BLOCKS = 8, 6, 6
+"""Blocks that a multiprocessor is to hold: 128 and 168 registers a thread, in place of 255."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,9 +157,10 @@ def make_find(f: Features) -> wp.Kernel:
             room = ContactRoom()
             room.listed = list_in(scratch, place)
             body = bodies_in(state, scratch, world, place)
-            count = find_contacts(model, readout, world, body, room, CarryRoom(), step, time)
+            found = find_contacts(model, readout, world, body, room, CarryRoom(), step, time)
             if lane_of() == 0:
-                scratch.count[place] = count
+                scratch.count[place] = found.count
+                scratch.partners[place] = found.partners
 
     return find
 
@@ -185,9 +187,8 @@ def make_settle(f: Features) -> wp.Kernel:
         else:
             room.solve = solve_room_in(scratch, place)
         body = bodies_in(state, scratch, world, place)
-        settle_contacts(
-            model, readout, world, body, room, CarryRoom(), scratch.count[place], again != 0, step
-        )  # fmt: skip
+        found = Found(scratch.count[place], scratch.partners[place])
+        settle_contacts(model, readout, world, body, room, CarryRoom(), found, again != 0, step)
 
     return settle
 

@@ -50,6 +50,16 @@ class ContactRoom:
 
 
 @wp.struct
+class Found:
+    """What was found to touch in a step."""
+
+    count: int
+    """Contacts."""
+    partners: int
+    """As in `point_solve`, where contacts are solved so."""
+
+
+@wp.struct
 class WorldScratch:
     """(worlds, contacts) of `ContactList` and `SolveRoom`, one row a world; those without use have no length."""
 
@@ -70,7 +80,8 @@ class WorldScratch:
     order: wp.array2d(dtype=int)
     on: wp.array2d(dtype=int)
     # of the `phased` form: what its kernels hand on
-    count: wp.array(dtype=int)  # (worlds) contacts
+    count: wp.array(dtype=int)  # (worlds) as in `Found`
+    partners: wp.array(dtype=int)
     rotation: wp.array2d(dtype=wp.quat)  # (worlds, bodies) as in `BodyRoom`, where no body rotates
     linear: wp.array2d(dtype=wp.vec3)
     angular: wp.array2d(dtype=wp.vec3)

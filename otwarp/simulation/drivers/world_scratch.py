@@ -96,5 +96,10 @@ def _lengths(f: Features) -> dict[str, int]:
             lengths["matrix"] = f.max_contacts**2
     if f.phased:
         lengths |= dict.fromkeys(("linear", "angular", "free", "body_drift"), f.bodies)
-        lengths |= {"count": 1, "rotation": 0 if f.rigid else f.bodies, "moved": nodes_of(f) if f.body_space else 0}
+        lengths |= {
+            "count": 1,
+            "partners": 1,
+            "rotation": 0 if f.rigid else f.bodies,
+            "moved": nodes_of(f) if f.body_space else 0,
+        }
     return lengths

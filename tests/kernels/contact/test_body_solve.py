@@ -9,9 +9,9 @@ from otwarp.kernels.contact.blocks import block_count
 from otwarp.kernels.contact.body_solve import SpaceRoom, nodes_of, solve_bodies_term
 from otwarp.kernels.contact.contact import Contact
 from otwarp.kernels.contact.contact_list import ContactList, put_term, solved_term
-from otwarp.kernels.contact.open_gaps import open_gaps_term
+from otwarp.kernels.contact.travel import opening_of
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.types import ModelData, ReadoutData, mat66, vec6
+from otwarp.kernels.core.types import ModelData, Move, ReadoutData, mat66
 from otwarp.simulation.packing.arrays import device_array
 from tests.kernels.contact.test_contact_list import empty_list
 from tests.kernels.samples import quaternions
@@ -23,7 +23,7 @@ FEATURES = Features(
     driver="world", bodies=3, rigid=True, obstacles=("plane",), pairs=True, body_space=True, max_contacts=8
 )
 NODES, BLOCKS, BODIES, COUNT = nodes_of(FEATURES), block_count(nodes_of(FEATURES)), 3, 7
-_put, _open, _solve, _solved = (t(FEATURES) for t in (put_term, open_gaps_term, solve_bodies_term, solved_term))
+_put, _solve, _solved = (t(FEATURES) for t in (put_term, solve_bodies_term, solved_term))
 
 PARTNERS = np.array([[1, 0], [1, -1], [2, -1], [2, 0], [2, 0], [2, 1], [2, 1]])
 """Two rigid bodies and a lone sphere, each with each other, and with obstacles."""
@@ -53,13 +53,20 @@ class Pressed:
 
 
 @wp.func
+def listed_one(p: Pressed, count: int, i: int) -> int:
+    """List contact i, with its opening by the free moves; the new count."""
+    c = p.given[i]
+    other = wp.max(c.b, 0)
+    opening = opening_of(c, Move(p.linear[c.a], p.angular[c.a]), Move(p.linear[other], p.angular[other]))
+    return _put(ReadoutData(), 0, p.listed, count, c, opening, wp.int64(0))
+
+
+@wp.func
 def listed_of(p: Pressed):
     """List the contacts, with their openings by the free moves."""
-    still = wp.zeros(shape=(BODIES,), dtype=vec6)
     count = 0
     for i in range(COUNT):
-        count = _put(ReadoutData(), 0, p.listed, count, p.given[i], wp.int64(0))
-    _open(p.listed, count, False, p.linear, p.angular, still, still)
+        count = listed_one(p, count, i)
 
 
 @wp.func

@@ -41,7 +41,7 @@ def keep(
 ):  # fmt: skip
     count = 0
     for i in range(wp.static(ROOM + 1)):
-        count = _put(readout, 0, listed, count, given[i], wp.int64(7))
+        count = _put(readout, 0, listed, count, given[i], 0.0, wp.int64(7))
     for i in range(ROOM):
         listed.depth[i] = 0.04
         c = _face(listed, i)
@@ -65,6 +65,8 @@ def test_fields_are_those_of_the_records(device):
     for name in names:
         given[name] = rng.uniform(0.1, 1.0, given[name].shape)
     given["a"], given["b"] = [1, 2, 2], [-1, 0, 1]
+    # obstacles alone move by themselves, and have ridges where there are no rods
+    given["ridge"][1:] = given["drift"][1:] = 0.0
     readout = ReadoutData()
     readout.fault = device_array(np.zeros((1, 3)), wp.int32, device, ndim=2)
     readout.fault_step = device_array(np.zeros((1, 3)), wp.int64, device, ndim=2)

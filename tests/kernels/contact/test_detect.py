@@ -15,7 +15,7 @@ from otwarp.kernels.contact.detect import pair_contacts_term, pair_reach_term
 from otwarp.kernels.contact.detect_walls import wall_contacts_term, wall_poses_term, wall_reach_term
 from otwarp.kernels.contact.obstacles import SHAPES
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData
+from otwarp.kernels.core.types import ModelData, Move, Pose, ReadoutData, vec6
 from otwarp.scene import Body, Obstacle, Rod, Scene, Sphere, Track
 from otwarp.simulation.model import Model
 from otwarp.simulation.packing.arrays import device_array
@@ -98,6 +98,7 @@ def probe(features: Features, obstacle: bool) -> wp.Kernel:
         three = wp.zeros(shape=(1,), dtype=wp.vec3)
         two = wp.zeros(shape=(1,), dtype=wp.vec2)
         one = wp.zeros(shape=(1,), dtype=float)
+        six = wp.zeros(shape=(1,), dtype=vec6)
         listed = ContactList(contacts, pair, four, four, two, one, four, four, three, three)
         first = Pose(position[i, 0], rotation[i, 0])
         rest = Move(wp.vec3(0.0), wp.vec3(0.0))
@@ -105,14 +106,16 @@ def probe(features: Features, obstacle: bool) -> wp.Kernel:
         if wp.static(obstacle):
             for o in range(model.obstacles.shape.shape[0]):
                 wall, later = poses(model, o, wp.float64(0.0))
-                reach = wall_reach(model, 0, o, first, rest, wall, later, ahead)
+                reach = wall_reach(model, 0, o, first, wall, later, 0.0, ahead)
                 if reach >= 0.0:
-                    n = walls(model, readout, 0, 0, o, first, rest, wall, later, reach, listed, n, wp.int64(0))
+                    n = walls(
+                        model, readout, 0, 0, o, first, rest, wall, later, reach, six, six, listed, n, wp.int64(0)
+                    )
         else:
             second = Pose(position[i, 1], rotation[i, 1])
-            reach = pair_reach(model, 0, 1, first, second, rest, rest, ahead)
+            reach = pair_reach(model, 0, 1, first, second, 0.0, ahead)
             if reach >= 0.0:
-                n = pairs(model, readout, 0, 0, 1, first, second, rest, rest, reach, listed, 0, wp.int64(0))
+                n = pairs(model, readout, 0, 0, 1, first, second, rest, rest, reach, six, six, listed, 0, wp.int64(0))
         count[i] = n
         for k in range(n):
             c = contacts[k]

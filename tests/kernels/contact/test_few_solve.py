@@ -3,13 +3,11 @@
 import numpy as np
 import warp as wp
 
-from otwarp.kernels.contact.contact_list import put_term, solved_term
+from otwarp.kernels.contact.contact_list import solved_term
 from otwarp.kernels.contact.few_solve import solve_few_term
-from otwarp.kernels.contact.open_gaps import open_gaps_term
-from otwarp.kernels.core.types import ModelData, ReadoutData, vec6
+from otwarp.kernels.core.types import ModelData
 from tests.kernels.contact.test_body_solve import (
     AGAIN,
-    BODIES,
     COUNT,
     FEATURES,
     HARDNESS,
@@ -18,27 +16,24 @@ from tests.kernels.contact.test_body_solve import (
     Problem,
     freed,
     listed_of,
+    listed_one,
     loads_of,
     pressed_contacts,
 )
 from tests.reference import contact_law
 
-_put, _open, _solve, _solved = (
-    put_term(FEATURES), open_gaps_term(FEATURES), solve_few_term(FEATURES, COUNT), solved_term(FEATURES)
-)  # fmt: skip
+_solve, _solved = solve_few_term(FEATURES, COUNT), solved_term(FEATURES)
 
 
 @wp.kernel(enable_backward=False)
 def probe_few(model: ModelData, p: Pressed, alone: bool):
     """All contacts together, or each as if it were alone."""
-    still = wp.zeros(shape=(BODIES,), dtype=vec6)
     listed_of(p)
     times = wp.where(alone, COUNT, 1)
     for i in range(times):
         count = int(COUNT)
         if alone:
-            count = _put(ReadoutData(), 0, p.listed, 0, p.given[i], wp.int64(0))
-            _open(p.listed, count, False, p.linear, p.angular, still, still)
+            count = listed_one(p, 0, i)
         stages = wp.where(p.again, 2, 1)
         for stage in range(stages):
             freed(p)

@@ -6,9 +6,10 @@ import warp as wp
 
 from otwarp.kernels.contact.contact import Contact
 from otwarp.kernels.contact.contact_list import ContactList, put_term
-from otwarp.kernels.contact.open_gaps import open_gaps_term
+from otwarp.kernels.contact.open_gaps import first_opening_term, open_gaps_term
+from otwarp.kernels.contact.travel import opening_of
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.types import ReadoutData, vec6
+from otwarp.kernels.core.types import Move, ReadoutData, vec6
 from otwarp.simulation.packing.arrays import device_array
 from tests.kernels.contact.test_contact_list import empty_list
 
@@ -20,7 +21,7 @@ FEATURES = Features(
     driver="world", bodies=BODIES, rigid=True, obstacles=("box",), moving_obstacles=True, pairs=True, body_space=True,
     max_contacts=COUNT,
 )  # fmt: skip
-_put, _open = put_term(FEATURES), open_gaps_term(FEATURES)
+_put, _open, _first = put_term(FEATURES), open_gaps_term(FEATURES), first_opening_term(FEATURES)
 
 ROUNDING = 2e-6
 """float32 openings of order 1 µm."""
@@ -33,9 +34,13 @@ def probe(
 ):  # fmt: skip
     count = 0
     for i in range(COUNT):
-        count = _put(ReadoutData(), 0, listed, count, given[i], wp.int64(0))
+        c = given[i]
+        other = wp.max(c.b, 0)
+        along = opening_of(c, Move(linear[c.a], angular[c.a]), Move(linear[other], angular[other]))
+        count = _put(ReadoutData(), 0, listed, count, c, _first(c, along, free, drift), wp.int64(0))
         listed.depth[i] = depth[i]
-    _open(listed, count, again, linear, angular, free, drift)
+    if again:
+        _open(listed, count, linear, angular, free, drift)
 
 
 def lift(c: np.void, moves: np.ndarray) -> float:
@@ -69,7 +74,9 @@ def test_gaps_open_along_normals_and_by_what_is_lifted(again, device):
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     ridge = np.cross(normal, ridge)
     ridge /= np.linalg.norm(ridge, axis=1, keepdims=True)
-    given["normal"], given["ridge"] = normal, ridge * (rng.random(COUNT) < 0.5)[:, None]
+    # without rods, obstacles alone have ridges
+    ridged = (rng.random(COUNT) < 0.5) & (PARTNERS[:, 1] < 0)
+    given["normal"], given["ridge"] = normal, ridge * ridged[:, None]
     given["arm_a"], given["arm_b"] = rng.normal(size=(2, COUNT, 3))
     given["drift"] = 0.1 * rng.normal(size=(COUNT, 3)) * (PARTNERS[:, 1] < 0)[:, None]
     given["curvature"], given["hardness"] = rng.uniform(0.1, 0.5, COUNT), 100.0

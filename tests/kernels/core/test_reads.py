@@ -7,8 +7,14 @@ from otwarp.kernels.core.reads import (
     index_at,
     mat66_at,
     number_at,
-    put_strided_vec4,
-    strided_vec4_at,
+    pair_at,
+    pitch_of,
+    put_pair,
+    put_real,
+    put_vec2,
+    put_vec4,
+    real_at,
+    vec2_at,
     vec4_at,
     vec4_of,
     vec4i_of,
@@ -50,7 +56,7 @@ def turn_over(rows: wp.array2d(dtype=wp.vec4), out: wp.array2d(dtype=wp.vec4)):
     back = out[i]
     length = rows.shape[1]
     for j in range(length):
-        put_strided_vec4(back, length - 1 - j, strided_vec4_at(row, j))
+        put_vec4(back, (length - 1 - j) * pitch_of(back), vec4_at(row, j * pitch_of(row)))
 
 
 def test_rows_of_other_strides_are_those_of_numpy(device):
@@ -60,6 +66,29 @@ def test_rows_of_other_strides_are_those_of_numpy(device):
                  for n in (numbers, np.zeros_like(numbers)))  # fmt: skip
     wp.launch(turn_over, dim=7, inputs=[rows], outputs=[out], device=device)
     np.testing.assert_array_equal(out.numpy(), numbers[:, ::-1])
+
+
+@wp.kernel(enable_backward=False)
+def copy_entries(
+    pairs: wp.array(dtype=wp.vec2i), twos: wp.array(dtype=wp.vec2), reals: wp.array(dtype=float),
+    pair: wp.array(dtype=wp.vec2i), two: wp.array(dtype=wp.vec2), real: wp.array(dtype=float),
+):  # fmt: skip
+    """Three arrays backwards."""
+    i = wp.tid()
+    last = reals.shape[0] - 1 - i
+    put_pair(pair, last, pair_at(pairs, i))
+    put_vec2(two, last, vec2_at(twos, i))
+    put_real(real, last, real_at(reals, i))
+
+
+def test_entries_are_those_of_numpy(device):
+    rng = np.random.default_rng(4)
+    numbers = rng.integers(0, 99, (5, 2)).astype(np.int32), rng.normal(size=(5, 2)), rng.normal(size=5)
+    given = [wp.array(n, dtype=t, device=device) for n, t in zip(numbers, (wp.vec2i, wp.vec2, float), strict=True)]
+    out = [wp.zeros_like(array) for array in given]
+    wp.launch(copy_entries, dim=5, inputs=given, outputs=out, device=device)
+    for array, copied in zip(given, out, strict=True):
+        np.testing.assert_array_equal(copied.numpy(), array.numpy()[::-1])
 
 
 @wp.kernel(enable_backward=False)
