@@ -321,6 +321,7 @@ NUMBERS = {
     "bodies": "a number",
     "traps": "a number",
     "max_contacts": "a number",
+    "looks_once": "where the kernels of phases have what key frames say from",
     "team": "how many threads share out a world, in the kernels of phases",
     "precision": "the type of all numbers",
 }

@@ -7,7 +7,7 @@ from otwarp.kernels.contact.contact_list import ContactList, counted_term, put_t
 from otwarp.kernels.contact.curvature import beside_rod, path_bend_term, relative_radius_term
 from otwarp.kernels.contact.detect import element_term, new_contact_term
 from otwarp.kernels.contact.excursion import excursion_term, obstacle_name
-from otwarp.kernels.contact.obstacles import distance_term, moving_pose, still_pose
+from otwarp.kernels.contact.obstacles import distance_term, moving_pose, pose_by_step, still_pose
 from otwarp.kernels.contact.open_gaps import first_opening_term
 from otwarp.kernels.contact.segments import (
     MERGE,
@@ -165,7 +165,9 @@ def element_wall_term(f: Features) -> wp.Function:
 
 def wall_poses_term(f: Features) -> wp.Function:
     """`(model, o, time) -> (wall, later)`: pose of obstacle o now and at the end of the step from `time`."""
-    pose_at = moving_pose if f.moving_obstacles else still_pose
+    pose_at = still_pose
+    if f.moving_obstacles:
+        pose_at = pose_by_step if f.looks_once else moving_pose
 
     @wp.func
     def wall_poses(model: ModelData, o: int, time: wp.float64) -> tuple[Pose, Pose]:

@@ -7,7 +7,7 @@ function and one line of `SHAPES`.
 
 import warp as wp
 
-from otwarp.kernels.core.keyframes import find_key, key_weight
+from otwarp.kernels.core.keyframes import find_key, key_weight, row_at
 from otwarp.kernels.core.types import ObstacleData, Pose
 
 FAR = wp.constant(1.0e9)
@@ -153,3 +153,10 @@ def moving_pose(obstacles: ObstacleData, index: int, time: wp.float64) -> Pose:
         pose.position = (1.0 - w) * obstacles.key_position[key] + w * obstacles.key_position[key + 1]
         pose.rotation = wp.normalize((1.0 - w) * obstacles.key_rotation[key] + w * obstacles.key_rotation[key + 1])
     return pose
+
+
+@wp.func
+def pose_by_step(obstacles: ObstacleData, index: int, time: wp.float64) -> Pose:
+    """The same at the `time` [s] of a step whose key frames have been looked up for all worlds."""
+    row = row_at(obstacles.step_times, time)
+    return Pose(obstacles.step_position[row, index], obstacles.step_rotation[row, index])

@@ -108,6 +108,7 @@ class Features:
             bodies touch: a kernel for each part of a step.
         cached: CPU form of the `world` driver: a thread has a cache to itself, so that constants of the bodies are read
             once a launch and not once a stage, and few contacts are solved for their forces.
+        looks_once: In phases, key frames are looked up once for all worlds, into rows of `StepTimes`.
         team: In phases, threads that share out a world, several where worlds are few; see `kernels.core.team`.
         listed: GPU form of the `solo` driver for robots in traps of finite reach: which of these may reach which sphere
             is known from a list; see `kernels.optics.near_traps`.
@@ -154,6 +155,7 @@ class Features:
     keeps: bool = False
     phased: bool = False
     cached: bool = False
+    looks_once: bool = False
     team: int = 1
     listed: bool = False
     lanes: bool = False

@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from otwarp.kernels.core.types import StepTimes
+
 SHORTEST = wp.constant(1.2e-38)
 """Time [s] between first and last sample from which on a key is guessed: less is 0 in float32, on a GPU at least."""
 
@@ -69,3 +71,9 @@ def key_weight(times: wp.array(dtype=wp.float64), key: int, time: wp.float64) ->
     """Weight of key + 1 at `time`, clamped to [0, 1]."""
     weight = wp.float32((time - times[key]) / (times[key + 1] - times[key]))
     return wp.clamp(weight, 0.0, 1.0)
+
+
+@wp.func
+def row_at(steps: StepTimes, time: wp.float64) -> int:
+    """Row of what was looked up for the step at `time` [s]."""
+    return int(wp.int64(wp.rint(time * steps.per_second)) - steps.first[0])

@@ -23,6 +23,14 @@ class MediumData:
 
 
 @wp.struct
+class StepTimes:
+    """The steps at whose times key frames have been looked up, once for all worlds."""
+
+    first: wp.array(dtype=wp.int64)  # (1) number of the step in the first row
+    per_second: wp.float64  # steps [1/s]
+
+
+@wp.struct
 class TrapData:
     """Constants of the traps; forces are per mW of trap power."""
 
@@ -54,6 +62,8 @@ class TrapData:
     stage_start: wp.array(dtype=wp.int32)  # the same as the stages of a step see it; (0) where that is no different
     stage_time: wp.array(dtype=wp.float64)
     stage_value: wp.array(dtype=wp.vec4)
+    step_times: StepTimes
+    step_value: wp.array2d(dtype=wp.vec4)  # (rows, T) by the key frames then; (0, 0) where each thread looks
     hand: wp.array(dtype=wp.int32)  # (T) 0 none, 1 left, 2 right
     held_body: wp.array(dtype=wp.int32)  # (T) body of the sphere it holds, -1 none
     held_offset: wp.array(dtype=wp.vec3)  # (T) offset of that sphere in its body [µm]
@@ -109,6 +119,9 @@ class ObstacleData:
     key_time: wp.array(dtype=wp.float64)  # [s]
     key_position: wp.array(dtype=wp.vec3)  # [µm]
     key_rotation: wp.array(dtype=wp.quat)
+    step_times: StepTimes
+    step_position: wp.array2d(dtype=wp.vec3)  # (rows, O) by the key frames then [µm]; (0, 0) where each thread looks
+    step_rotation: wp.array2d(dtype=wp.quat)
 
 
 @wp.struct

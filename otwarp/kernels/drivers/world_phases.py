@@ -7,12 +7,13 @@ functions are those of `world`, so that results are the same; what a stage finds
 of the step is read from a clock, so that a graph of many steps can be replayed.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import warp as wp
 
 from otwarp.kernels.contact.body_solve import settling_team
+from otwarp.kernels.contact.obstacles import moving_pose
 from otwarp.kernels.core.features import Features
 from otwarp.kernels.core.team import ALONE, team_of
 from otwarp.kernels.core.types import ControlData, ModelData, ReadoutData, StateData
@@ -29,6 +30,7 @@ from otwarp.kernels.drivers.world_room import (
     list_in_term,
     solve_room_in,
 )
+from otwarp.kernels.optics.traps import sampled_value
 
 BLOCK = 64
 """Threads of a block: few, so that few worlds are spread over more multiprocessors."""
@@ -42,6 +44,7 @@ class WorldPhases:
     """The kernels of a step, in the order of their launches; None where there is nothing to do.
 
     Attributes:
+        look: Looks key frames up for some steps: one thread per step and trap or obstacle.
         predict: Free moves of the integrator's first stage: one thread per body.
         find: Moves traps and lists contacts: a team per world.
         settle: Solves the contacts, in the first stage and again in the second: a team or a thread per world.
@@ -51,6 +54,7 @@ class WorldPhases:
         settled_together: Whether a team settles.
     """
 
+    look: wp.Kernel | None
     predict: wp.Kernel
     find: wp.Kernel | None
     settle: wp.Kernel | None
@@ -62,14 +66,18 @@ class WorldPhases:
     @property
     def all(self) -> list[wp.Kernel]:
         """Those that there are."""
-        each = (self.predict, self.find, self.settle, self.correct, self.finish, self.report)
+        each = (self.look, self.predict, self.find, self.settle, self.correct, self.finish, self.report)
         return [kernel for kernel in each if kernel is not None]
 
 
 def make_world_phases(f: Features) -> WorldPhases:
     """Kernels of a step of a few bodies that do not carry each other along."""
+    moving = f.moving_traps or f.moving_obstacles
+    # worlds with clocks of their own are at other times, and stages may be told other commands than steps
+    f = replace(f, looks_once=moving and not (f.episodes or f.leaps))
     correct = correct_body_term(f)
     return WorldPhases(
+        look=make_look(f) if f.looks_once else None,
         predict=make_free_stage(f, predict_body_term(f)),
         find=make_find(f) if f.contacts or f.speed_limits else None,
         settle=make_settle(f) if f.contacts else None,
@@ -108,6 +116,35 @@ def place_term(f: Features) -> wp.Function:
         return world, step
 
     return place_of
+
+
+def make_look(f: Features) -> wp.Kernel:
+    """Kernel over (steps, traps and obstacles): look their key frames up."""
+
+    @kernel_of(f, FREE_BLOCKS)
+    def look(model: ModelData, clock: wp.array(dtype=wp.int64), ahead: int):
+        """Write what they say at the times of the steps from `ahead` on after the clock's."""
+        row, n = wp.tid()
+        step = clock[0] + wp.int64(ahead)
+        time = wp.float64(step + wp.int64(row)) * model.time_step
+        traps = model.traps
+        if row == 0 and n == 0:
+            traps.step_times.first[0] = step
+        if wp.static(f.moving_traps):
+            if n < wp.static(f.traps):
+                first = traps.key_start[n]
+                last = traps.key_start[n + 1] - 1
+                if last > first:
+                    value = sampled_value(traps.key_time, traps.key_value, first, last, time)
+                    traps.step_value[row, n] = value
+        if wp.static(f.moving_obstacles):
+            o = n - wp.static(f.traps)
+            if o >= 0:
+                pose = moving_pose(model.obstacles, o, time)
+                model.obstacles.step_position[row, o] = pose.position
+                model.obstacles.step_rotation[row, o] = pose.rotation
+
+    return look
 
 
 def make_free_stage(f: Features, stage: wp.Function) -> wp.Kernel:

@@ -10,6 +10,7 @@ from otwarp.kernels.core.types import ControlData, ModelData, StateData, TrapDat
 from otwarp.kernels.optics.traps import (
     anchored,
     commanded_animated,
+    commanded_by_step,
     commanded_staged,
     commanded_still,
     glide_of,
@@ -32,6 +33,8 @@ def as_far(model: ModelData, state: StateData, world: int, trap: int, command: w
 def commanded_term(f: Features, *, stage: bool = False) -> wp.Function:
     """`(traps, control, world, trap, time) -> vec4(focus, power)`: where the trap is to be; `stage` as below."""
     sampled = commanded_animated if f.moving_traps else commanded_still
+    if f.moving_traps and f.looks_once:
+        sampled = commanded_by_step
     if f.leaps and stage:
         sampled = commanded_staged
 

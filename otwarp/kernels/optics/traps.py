@@ -13,7 +13,7 @@ from typing import NamedTuple
 import warp as wp
 
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.keyframes import Piece, find_key, find_key_from, key_weight
+from otwarp.kernels.core.keyframes import Piece, find_key, find_key_from, key_weight, row_at
 from otwarp.kernels.core.packed import beside, point_of, power_of
 from otwarp.kernels.core.reads import vec4_of, vec4i_of
 from otwarp.kernels.core.step_constants import Glide, TrapConstants
@@ -267,6 +267,27 @@ def anchored(law: TrapConstants, command: wp.vec4) -> wp.vec4:
 
 
 @wp.func
+def sampled_value(
+    times: wp.array(dtype=wp.float64), values: wp.array(dtype=wp.vec4), first: int, last: int, time: wp.float64
+) -> wp.vec4:
+    """Focus [µm] and power [mW] at `time` [s] by the samples `first` to `last`, at least two."""
+    key = find_key(times, first, last, time)
+    w = key_weight(times, key, time)
+    return (1.0 - w) * values[key] + w * values[key + 1]
+
+
+@wp.func
+def with_value(command: wp.vec4, follow: int, value: wp.vec4) -> wp.vec4:
+    """A command with the focus [µm] (`follow` bit 0) and power [mW] (bit 1) of a sampled value."""
+    result = command
+    if (follow & 1) != 0:
+        result = beside(point_of(value), power_of(result))
+    if (follow & 2) != 0:
+        result = beside(point_of(result), power_of(value))
+    return result
+
+
+@wp.func
 def followed(
     command: wp.vec4, follow: int, times: wp.array(dtype=wp.float64), values: wp.array(dtype=wp.vec4), first: int,
     last: int, time: wp.float64,
@@ -274,13 +295,7 @@ def followed(
     """A command with focus [µm] (`follow` bit 0) and power [mW] (bit 1) from the samples `first` to `last`."""
     result = command
     if follow != 0 and last > first:
-        key = find_key(times, first, last, time)
-        w = key_weight(times, key, time)
-        value = (1.0 - w) * values[key] + w * values[key + 1]
-        if (follow & 1) != 0:
-            result = beside(point_of(value), power_of(result))
-        if (follow & 2) != 0:
-            result = beside(point_of(result), power_of(value))
+        result = with_value(command, follow, sampled_value(times, values, first, last, time))
     return result
 
 
@@ -291,6 +306,16 @@ def commanded_animated(traps: TrapData, control: ControlData, world: int, trap: 
     first = traps.key_start[trap]
     last = traps.key_start[trap + 1] - 1
     return followed(command, control.follow[trap], traps.key_time, traps.key_value, first, last, time)
+
+
+@wp.func
+def commanded_by_step(traps: TrapData, control: ControlData, world: int, trap: int, time: wp.float64) -> wp.vec4:
+    """The same at the `time` [s] of a step whose key frames have been looked up for all worlds."""
+    command = commanded_still(traps, control, world, trap, time)
+    follow = control.follow[trap]
+    if follow != 0 and traps.key_start[trap + 1] - traps.key_start[trap] > 1:
+        command = with_value(command, follow, traps.step_value[row_at(traps.step_times, time), trap])
+    return command
 
 
 @wp.func
@@ -331,12 +356,7 @@ def on_piece(piece: Piece, still: wp.vec4, time: wp.float64) -> wp.vec4:
     """Focus [µm] and power [mW] at a `time` [s] of the piece, as `still` where it does not follow."""
     w = wp.clamp(wp.float32((time - piece.origin) * piece.rate), 0.0, 1.0)
     value = (1.0 - w) * piece.start + w * piece.end
-    result = still
-    if (piece.follow & 1) != 0:
-        result = beside(point_of(value), power_of(result))
-    if (piece.follow & 2) != 0:
-        result = beside(point_of(result), power_of(value))
-    return result
+    return with_value(still, piece.follow, value)
 
 
 def piece_terms(f: Features) -> tuple[wp.Function, wp.Function]:

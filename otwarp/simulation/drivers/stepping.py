@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from otwarp.kernels.core.types import ModelData, StepTimes
 from otwarp.kernels.drivers.lane_groups import threads_for
 from otwarp.kernels.drivers.world_phases import tick
 from otwarp.kernels.step import Step
@@ -183,6 +184,39 @@ class PhasedStepper(PhaseGraphs):
         self.scratch = allocate_world(step.features, model.worlds, model.place)
         self.clock = wp.zeros(1, dtype=wp.int64, device=model.device)
         super().__init__(parts, tick)
+        self.looked = step.features.traps + model.data.obstacles.shape.size
+        self.looks = self._room_for_looks() if self.phases.look is not None else {}
+
+    def _room_for_looks(self) -> dict[str, dict[str, Any]]:
+        """What key frames say at the times of the steps of a graph, by the struct and the name that they have there."""
+        data, place = self.model.data, self.model.place
+        times = place.typed(StepTimes)()
+        times.first = wp.zeros(1, dtype=wp.int64, device=place.device)
+        times.per_second = wp.float64(1.0 / self.model.time_step)
+        rows, obstacles = STEPS_PER_GRAPH + 1, data.obstacles.shape.size
+
+        def room(columns: int, dtype: Any) -> wp.array:
+            return wp.zeros((rows, columns), dtype=place.typed(dtype), device=place.device)
+
+        return {
+            "traps": {"step_times": times, "step_value": room(self.features.traps, wp.vec4)},
+            "obstacles": {
+                "step_times": times,
+                "step_position": room(obstacles, wp.vec3),
+                "step_rotation": room(obstacles, wp.quat),
+            },
+        }
+
+    def _data(self) -> Any:
+        """The kernels' view of the model, with this stepper's own room: others may step the same model."""
+        if not self.looks:
+            return self.model.data
+        data = self.model.place.typed(ModelData)()
+        data.assign(self.model.data)
+        for struct, fields in self.looks.items():
+            for name, value in fields.items():
+                setattr(getattr(data, struct), name, value)
+        return data
 
     def _take_steps(self, steps: int) -> None:
         """Launch steps from where the clock stands, and turn it on."""
@@ -190,10 +224,13 @@ class PhasedStepper(PhaseGraphs):
         team = worlds * self.team
         each = (self.bodies, team)
         settling = team if phases.settled_together else worlds
-        data, state, readout = self.model.data, self.state.data(), self.readout.data()
+        data, state, readout = self._data(), self.state.data(), self.readout.data()
         free = (data, self.control.data(), state, readout, self.scratch, self.clock)
         touch = (data, state, readout, self.scratch, self.clock)
         for ahead in range(steps):
+            if ahead % STEPS_PER_GRAPH == 0:
+                rows = min(steps - ahead, STEPS_PER_GRAPH) + 1
+                self.launch(phases.look, (rows, self.looked), data, self.clock, ahead)
             self.launch(phases.predict, each, *free, ahead)
             self.launch(phases.find, team, *free, ahead)
             self.launch(phases.settle, settling, *touch, ahead, 0)

@@ -11,6 +11,8 @@ from otwarp.errors import SimulationError
 from otwarp.kernels.core.faults import Fault
 from otwarp.kernels.core.precision import kernel_module
 from otwarp.kernels.step import make_step
+from otwarp.scene import Scene
+from otwarp.shipped import shipped
 from otwarp.simulation.drivers.stepping import FusedStepper, PhasedStepper, StepperParts
 from otwarp.simulation.simulation import Simulation
 from tests.simulation.test_determinism import touching_scene
@@ -28,8 +30,8 @@ FORMS = {
 }
 
 
-def stepped_as(form: str, device: str) -> Simulation:
-    sim = Simulation(touching_scene(), worlds=WORLDS, seed=31, device=device)
+def stepped_as(form: str, device: str, scene: Scene | None = None) -> Simulation:
+    sim = Simulation(scene or touching_scene(), worlds=WORLDS, seed=31, device=device)
     step = make_step(dataclasses.replace(sim.model.features, cached=False, **FORMS[form]))
     parts = StepperParts(step, sim.model, sim.state, sim.control, sim.last_readout, threads=1)
     sim._stepper = PhasedStepper(parts) if step.phases else FusedStepper(parts)
@@ -48,6 +50,38 @@ def test_same_steps_however_launched(form, device):
         a, b = (getattr(s.state if name == "position" else s.readout, name).numpy() for s in (fused, phased))
         assert np.abs(a).max() > 0.01
         np.testing.assert_allclose(b, a, **same)
+
+
+@pytest.mark.parametrize("form", ["phases", "teams"])
+def test_key_frames_are_looked_up_once_for_all_worlds(form, device):
+    """Two robots whose traps move squeeze a cell, before gates that move: as where each thread looks for itself."""
+    scene = Scene.load(shipped("scenes", "cell_delivery"))
+    fused, phased = stepped_as("one kernel", device, scene), stepped_as(form, device, scene)
+    other = PhasedStepper(
+        StepperParts(
+            make_step(phased._stepper.features), phased.model, phased.state, phased.control, phased.last_readout
+        )
+    )
+    assert phased._stepper.phases.look is not None
+    # another stepper of the same model has room of its own
+    assert phased.model.data.traps.step_value is None
+    assert other._data().traps.step_value.ptr != phased._stepper._data().traps.step_value.ptr
+    fused.step(75)
+    for steps in (1, 37, 37):
+        phased.step(steps)
+    same = {"rtol": 0.0, "atol": 0.0 if device == "cpu" else ROUNDED}
+    for name in ("position", "orientation"):
+        a, b = (getattr(s.state, name).numpy() for s in (fused, phased))
+        np.testing.assert_allclose(b, a, **same)
+
+
+@pytest.mark.parametrize("changed", ["episodes", "leaps"])
+def test_threads_look_for_themselves_where_times_differ(changed):
+    """Worlds with clocks of their own, and stages that are told other commands than steps."""
+    scene = Scene.load(shipped("scenes", "cell_delivery"))
+    features = Simulation(scene, device="cpu").model.features
+    features = dataclasses.replace(features, cached=False, phased=True, **{changed: True})
+    assert make_step(features).phases.look is None
 
 
 def test_phases_of_float64_follow_those_of_float32(device):
