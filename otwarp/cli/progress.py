@@ -16,18 +16,23 @@ SELDOM = 30.0
 """Time [s] between two lines of a log, at least; they become as seldom as a hundredth of what is left."""
 
 
+LONG = 2.0
+"""Time [s] after which a command that is mostly quick says what it is doing."""
+
+
 @contextmanager
-def parts(one: str, several: str) -> Iterator[Callable[[int, int], None]]:
+def parts(one: str, several: str, *, after: float = 0.0) -> Iterator[Callable[[int, int], None]]:
     """A bar on standard error, if that is a terminal, else a line now and then; at every part, end on SIGTERM.
 
     Args:
         one, several: What a part is called.
+        after: Time [s] before which a log gets no line, and none at all if everything is done by then.
 
     Yields:
         What is to be called with parts done and parts in all.
     """
     if not sys.stderr.isatty():
-        yield _Lines(one)
+        yield _Lines(one, after)
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -45,7 +50,7 @@ def parts(one: str, several: str) -> Iterator[Callable[[int, int], None]]:
 
 
 @contextmanager
-def said_if_long(line: str, after: float = 2.0) -> Iterator[None]:
+def said_if_long(line: str, after: float = LONG) -> Iterator[None]:
     """Say a line on standard error if the block takes longer than that [s]."""
     timer = threading.Timer(after, lambda: click.echo(f"otwarp: {line}", err=True))
     timer.daemon = True
@@ -59,17 +64,17 @@ def said_if_long(line: str, after: float = 2.0) -> Iterator[None]:
 class _Lines:
     """Lines of a log: the first part, the last one, and some between them, with the time that is left."""
 
-    def __init__(self, one: str):
+    def __init__(self, one: str, after: float):
         self.one = one
         self.first: tuple[float, int] | None = None
-        self.due = 0.0
+        self.due = self.begins = time.monotonic() + after
 
     def __call__(self, done: int, count: int) -> None:
         stop.check()
         now = time.monotonic()
         self.first = self.first or (now, done)
         begun, before = self.first
-        if now < self.due and done < count:
+        if now < self.begins or (now < self.due and done < count):
             return
         left = (now - begun) * (count - done) / (done - before) if done > before else None
         said = "" if not left else f", {spelled(left)} left" + f" (about {time.strftime('%H:%M', _after(left))})"

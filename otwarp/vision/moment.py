@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -42,6 +43,7 @@ def moments(
     device: str | None = None,
     center: str | None = None,
     exposure: float | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Moments:
     """The bodies of a scene at a time, or of a recorded run in the frame nearest to it.
 
@@ -56,13 +58,14 @@ def moments(
         device: Of the simulation.
         center: A body that must be there.
         exposure: How long the shutter is open [s]; None: as the camera says.
+        progress: Called with time steps taken and time steps in all.
 
     Raises:
-        InputError: No such scene, run, world, time or body.
+        InputError: No such scene, run, world, time or body, or a time that is more steps away than a run may have.
     """
     path = Path(path)
     if path.is_dir():
-        return _recorded(path, time, world, center, exposure, device)
+        return _recorded(path, time, world, center, exposure, device, progress)
     scene = Scene.load(path, duration=max(time, 1e-9) if time > 0.0 else None)
     if world:
         raise InputError(f"--world is {world}; allowed of a scene: 0, only recorded runs have several worlds")
@@ -71,7 +74,7 @@ def moments(
     if time == 0.0 and shutter == 0.0:
         place, turn = ([getattr(b, name) for b in scene.bodies] for name in ("position", "orientation"))
         return Moments(scene, time, np.array(place).reshape(1, -1, 3), np.array(turn).reshape(1, -1, 4))
-    return Moments(scene, time, *exposed(Simulation(scene, seed=seed, device=device), time, shutter))
+    return Moments(scene, time, *exposed(Simulation(scene, seed=seed, device=device), time, shutter, progress))
 
 
 def check_body(scene: Scene, name: str | None) -> None:
@@ -86,7 +89,13 @@ def check_body(scene: Scene, name: str | None) -> None:
 
 
 def _recorded(
-    folder: Path, time: float, world: int, center: str | None, exposure: float | None, device: str | None
+    folder: Path,
+    time: float,
+    world: int,
+    center: str | None,
+    exposure: float | None,
+    device: str | None,
+    progress: Callable[[int, int], None] | None,
 ) -> Moments:
     """Poses from `run.nc`, of the frame nearest to a time, and on from there through an exposure."""
     import netCDF4
@@ -109,7 +118,7 @@ def _recorded(
         shutter = camera_of(scene).exposure if exposure is None else exposure
         if shutter > 0.0:
             replay, step = Replay(scene, data, world, device=device), int(data["step"][frame])
-            return Moments(scene, float(times[frame]), *replay.during(position, orientation, step, shutter))
+            return Moments(scene, float(times[frame]), *replay.during(position, orientation, step, shutter, progress))
     return Moments(scene, float(times[frame]), position[None], orientation[None])
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from otwarp.errors import InputError
+from otwarp.record.run import MOST_STEPS
 from otwarp.scene import Scene, Track
 from otwarp.scene.transforms import rotate
 from otwarp.simulation.simulation import Simulation
@@ -15,22 +17,40 @@ from otwarp.simulation.simulation import Simulation
 BLUR_SAMPLES = 16
 """Moments of an exposure that are averaged."""
 
+AT_ONCE = 500
+"""Steps between two words of progress: of ten thousand cells on a CPU they take seconds."""
+
 METHOD = ("precision", "integrator", "noise")
 """What a recording says of how its run was stepped, as `Simulation` has it."""
 
 
-def exposed(sim: Simulation, start: float, exposure: float) -> tuple[np.ndarray, np.ndarray]:
+def exposed(
+    sim: Simulation, start: float, exposure: float, progress: Callable[[int, int], None] | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """(e, B, 3) origins of the bodies' prims [µm] and (e, B, 4) orientations of world 0 during an exposure.
 
     Args:
         sim: At most at its start.
         start: [s].
         exposure: [s]; 0 for a moment.
+        progress: Called with steps taken and steps in all.
+
+    Raises:
+        InputError: More steps than a run may have.
     """
+    first = sim.state.step
+    total = (start + exposure - sim.time) / sim.time_step
+    if not total <= MOST_STEPS:
+        raise InputError(f"time is {start:g} s at a time step of {sim.time_step:.6g} s, {total:.3g} steps; "
+                         f"allowed: up to {MOST_STEPS:g} steps")  # fmt: skip
     places, turns = [], []
     for n in range(BLUR_SAMPLES if exposure > 0.0 else 1):
         steps = round((start + exposure * n / (BLUR_SAMPLES - 1) - sim.time) / sim.time_step)
-        sim.step(max(0, steps))
+        while steps > 0:
+            sim.step(min(steps, AT_ONCE))
+            steps -= AT_ONCE
+            if progress is not None:
+                progress(sim.state.step - first, round(total))
         position, orientation = sim.prim_poses()
         places.append(np.array(position[0], dtype=float))
         turns.append(np.array(orientation[0], dtype=float))
@@ -69,7 +89,12 @@ class Replay:
         )  # fmt: skip
 
     def during(
-        self, position: np.ndarray, orientation: np.ndarray, step: int, exposure: float
+        self,
+        position: np.ndarray,
+        orientation: np.ndarray,
+        step: int,
+        exposure: float,
+        progress: Callable[[int, int], None] | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Poses of all bodies from a frame on, as of `exposed`.
 
@@ -78,6 +103,7 @@ class Replay:
             orientation: (B, 4).
             step: Of the run at that frame.
             exposure: [s].
+            progress: As of `exposed`.
         """
         sim = self.sim
         sim.state.step, sim.state.time = step, step * sim.time_step
@@ -85,7 +111,7 @@ class Replay:
             sim.arrays()["episodes.step"].fill_(step)
         turns = orientation if sim.model.features.rigid else None
         sim.set_state(position=position + rotate(orientation, sim.model.reference), orientation=turns)
-        return exposed(sim, sim.time, exposure)
+        return exposed(sim, sim.time, exposure, progress)
 
 
 def _as_recorded(scene: Scene, data: Any, world: int) -> Scene:

@@ -49,6 +49,28 @@ def test_a_scene_has_one_world(tmp_path: Path, capsys: pytest.CaptureFixture[str
 
 
 @pytest.mark.quick
+@pytest.mark.parametrize("time", ["1e30", "1e300"])
+def test_a_time_out_of_reach_is_refused_in_a_line(
+    time: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "bead.png"
+    words = ["vision", "render", "scenes/single_bead.usda", "--time", time, "--device", "cpu", "-o", str(out)]
+    assert main(words) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"otwarp: time is {float(time):g} s at a time step of ") and said.count("\n") == 1
+    assert said.endswith(" steps; allowed: up to 1e+12 steps\n") and not out.exists()
+
+
+@pytest.mark.quick
+def test_the_way_to_a_moment_is_counted() -> None:
+    told: list[tuple[int, int]] = []
+    moments("scenes/single_bead.usda", time=3.0, device="cpu", progress=lambda done, count: told.append((done, count)))
+    counts = {count for _, count in told}
+    assert len(told) > 2 and len(counts) == 1 and told[-1][0] == told[-1][1]
+    assert [done for done, _ in told] == sorted({done for done, _ in told})
+
+
+@pytest.mark.quick
 @pytest.mark.parametrize("bits", [1, 8, 12])
 def test_panels_are_white_at_full_scale(tmp_path: Path, bits: int) -> None:
     levels = np.zeros((1, 40, 40), dtype=np.uint8 if bits <= 8 else np.uint16)

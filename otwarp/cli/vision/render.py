@@ -95,6 +95,7 @@ def render(
 
     Light is led through the bodies as waves and through objective and condenser to the sensor, as OtCameraAPI says.
     """
+    from otwarp.cli.progress import LONG, parts, said_if_long
     from otwarp.vision.moment import moments
     from otwarp.vision.pictures import picture
     from otwarp.vision.rendering import Rendering
@@ -104,8 +105,11 @@ def render(
     file = out or Path(f"{path.resolve().stem}_microscope.png")
     check_ending(file)
     how = Rendering(method=method, thickness=thickness, rings=rings, margin=margin)
-    seen = moments(path, time=time, world=world, seed=seed, device=device, center=center, exposure=exposure)
-    found: Any = picture(seen, focus, size=size, center=center, rendering=how, seed=seed, device=device)
+    with parts("step", "steps", after=LONG) as progress:
+        seen = moments(path, time=time, world=world, seed=seed, device=device, center=center, exposure=exposure,
+                       progress=progress)  # fmt: skip
+    with said_if_long(f"computing {counted(len(focus), 'image')}"):
+        found: Any = picture(seen, focus, size=size, center=center, rendering=how, seed=seed, device=device)
     save_stack(file, found.intensity, found.levels, found.focus, found.pixel, found.bits)
     high, wide = found.levels.shape[1:]
     click.echo(f"{counted(len(found.focus), 'focal plane')} of {wide} × {high} pixels of "
