@@ -117,15 +117,17 @@ def _source(
     any_robot: bool,
 ) -> tuple[Source, int]:
     """What looks at the frames, a network or else templates; and the side of the pieces that it looks at [pixels]."""
-    from otwarp.cli.progress import parts
+    from otwarp.cli.progress import LONG, parts
     from otwarp.vision.tracking.recorded import check_size
-    from otwarp.vision.tracking.source import network_source, template_source
+    from otwarp.vision.tracking.source import measured, network_source, templates_for
 
     if network is not None:
         return network_source(recorded, network, any_robot=any_robot)
     check_size(recorded, size)
     with parts("tilt of the templates", "tilts of the templates") as progress:
-        return template_source(recorded, size, rendering=how, device=device, seed=seed, progress=progress), size
+        templates = templates_for(recorded, size, rendering=how, device=device, progress=progress)
+    with parts("image of the templates' errors", "images of the templates' errors", after=LONG) as progress:
+        return measured(recorded, templates, size, rendering=how, device=device, seed=seed, progress=progress), size
 
 
 def _print_table(rows: list[tuple[str, str, str]]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -209,18 +210,24 @@ class Matcher:
         return out
 
 
-def with_errors(matcher: Matcher, poses: np.ndarray, images: np.ndarray) -> Matcher:
+def with_errors(
+    matcher: Matcher,
+    poses: np.ndarray,
+    images: Iterable[np.ndarray],
+    progress: Callable[[int, int], None] | None = None,
+) -> Matcher:
     """The same with errors measured on images of known poses.
 
     Args:
         matcher: Without them.
         poses: (n, 5) of the images.
-        images: (n, height, width) grey levels.
+        images: (n, height, width) grey levels, or what makes one after the other.
+        progress: Told how many images are done, of how many.
 
     Raises:
         InputError: No image.
     """
-    if not len(images):
+    if not len(poses):
         raise InputError("images to measure errors on are 0; allowed: 1 or more")
     bare = Matcher(matcher.templates)
     wrong = []
@@ -230,6 +237,8 @@ def with_errors(matcher: Matcher, poses: np.ndarray, images: np.ndarray) -> Matc
         off[4] = _turn(off[4])
         noise = np.diag(found.covariance)
         wrong.append(np.where(np.isfinite(noise), np.maximum(off**2 - noise, 0.0), 0.0))
+        if progress is not None:
+            progress(len(wrong), len(poses))
     known = np.asarray(poses, dtype=float)
     return Matcher(matcher.templates, TemplateErrors(known[:, 2], known[:, 3], np.array(wrong)))
 

@@ -247,24 +247,64 @@ def template_source(
     Raises:
         InputError: Too many templates.
     """
+    templates = templates_for(recorded, size, rendering=rendering, device=device, progress=progress)
+    return measured(recorded, templates, size, rendering=rendering, device=device, seed=seed)
+
+
+def templates_for(
+    recorded: RecordedBody,
+    size: int,
+    *,
+    rendering: Rendering | None = None,
+    device: str | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Templates:
+    """Templates for all depths and tilts that a body of a run goes through, with a margin.
+
+    Args:
+        recorded, size, rendering, device, progress: As of `template_source`.
+
+    Raises:
+        InputError: Too many templates.
+    """
     scene, how = recorded.scene, rendering or Rendering()
     shape = Shape.of(scene, recorded.body, np.zeros(3))
     gone = _gone_through(recorded, shape)
     depths, tilts = gone[:, 0], gone[:, 1]
     limits = [(float(v.min()) - m, float(v.max()) + m) for v, m in zip((depths, tilts), MARGIN, strict=True)]
     leaning = max(limits[1][0], -0.5 * math.pi), min(limits[1][1], 0.5 * math.pi)
-    templates = Templates.of_body(
+    return Templates.of_body(
         scene, recorded.body, shape, size=size, depths=limits[0], tilts=leaning, rendering=how, device=device,
         progress=progress,
     )  # fmt: skip
+
+
+def measured(
+    recorded: RecordedBody,
+    templates: Templates,
+    size: int,
+    *,
+    rendering: Rendering | None = None,
+    device: str | None = None,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> TemplateSource:
+    """Templates and what they err, measured on images of poses between them.
+
+    Args:
+        recorded, size, rendering, device, seed: As of `template_source`.
+        templates: Of `templates_for`.
+        progress: Told how many images are done, of how many.
+    """
+    shape, how = Shape.of(recorded.scene, recorded.body, np.zeros(3)), rendering or Rendering()
     rng, fourier = np.random.default_rng([seed, 11]), Fourier(device)
-    half = 0.5 * camera_of(scene).pixel_size
+    half = 0.5 * camera_of(recorded.scene).pixel_size
     poses = np.zeros((HELD_OUT, 6))
     poses[:, :2] = rng.uniform(-half, half, (HELD_OUT, 2))
-    poses[:, 2:] = _mixed(np.column_stack([gone, _rolls(recorded, shape)]), rng)
+    poses[:, 2:] = _mixed(np.column_stack([_gone_through(recorded, shape), _rolls(recorded, shape)]), rng)
     poses[:, 3] = np.clip(poses[:, 3], templates.tilt[0], templates.tilt[-1])
-    shots = [_shown(recorded, shape, pose, size, how, fourier, n) for n, pose in enumerate(poses)]
-    return TemplateSource(with_errors(Matcher(templates), poses[:, :5], np.array(shots)))
+    shots = (_shown(recorded, shape, pose, size, how, fourier, n) for n, pose in enumerate(poses))
+    return TemplateSource(with_errors(Matcher(templates), poses[:, :5], shots, progress))
 
 
 def _mixed(gone: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -16,7 +16,7 @@ from otwarp.vision.rendering import Rendering
 from otwarp.vision.tracking.recorded import RecordedBody, track_run
 from otwarp.vision.tracking.rotations import exponential, product
 from otwarp.vision.tracking.shape import Shape
-from otwarp.vision.tracking.source import _rolls, template_source
+from otwarp.vision.tracking.source import HELD_OUT, _rolls, template_source
 from tests.full_disk import largest_file
 
 BEAD = "scenes/single_bead.usda"
@@ -51,6 +51,18 @@ def test_a_run_is_tracked(run: Path, tmp_path: Path, capfd: pytest.CaptureFixtur
         assert np.all(np.diff(track.predicted_time) > 0.0)
         eigenvalues = np.linalg.eigvalsh(track.predicted_covariance.values[:, :3, :3])
         assert eigenvalues.min() > 0.0
+
+
+@pytest.mark.quick
+def test_what_takes_long_before_the_first_frame_is_told(
+    run: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of pieces of 1,024 pixels the errors of templates take minutes."""
+    monkeypatch.setattr("otwarp.cli.progress.LONG", 0.0)
+    assert main(["vision", "track", str(run), "-o", str(tmp_path / "bead.nc"), "--frames", "2", *QUICKLY]) == 0
+    told = capfd.readouterr().err
+    assert "otwarp: tilt of the templates 1 of 1\notwarp: image of the templates' errors 1 of 32\n" in told
+    assert f"otwarp: image of the templates' errors {HELD_OUT} of {HELD_OUT}\notwarp: frame 1 of 2\n" in told
 
 
 @pytest.mark.validate
