@@ -47,6 +47,7 @@ def calibrate(
     bench = Bench(
         microscope=microscope, sensor=sensor, rendering=Rendering(rings=2, margin=3.0), width=width, seed=seed
     )
+    bench.check_pitch(pitch, "--pitch")
     stop.begin()
 
     def say(what: str) -> None:

@@ -42,6 +42,7 @@ def calibrate(
         InputError: A target that does not fit the image.
     """
     tell, fourier, m = say or (lambda what: None), Fourier(device), bench.microscope
+    bench.check_pitch(pitch)
     results: dict[str, Any] = {}
     tell("grid")
     pixel, turned = pixel_of_grid(bench.grid(pitch, angle, fourier), pitch, authored=m.pixel)

@@ -60,20 +60,38 @@ class Bench:
         self._check(self.bead_radius)
         return expose(ball, self.microscope, self.width, rendering=self.rendering, fourier=fourier)
 
+    def check_pitch(self, pitch: float, name: str = "pitch") -> None:
+        """Refuse a grid of which the image does not hold four steps, or of which dots are not resolved.
+
+        Args:
+            pitch: Of the grid [µm].
+            name: How a message calls it.
+
+        Raises:
+            InputError: It is out of range, or there is none that would do.
+        """
+        m = self.microscope
+        side = self.width * m.pixel
+        finest = 2.0 * m.wavelength / min(m.numerical_aperture, m.medium_index)
+        if finest > side / 4.0:
+            least = 8.0 * m.wavelength / side
+            raise InputError(f"numericalAperture of the camera is {m.numerical_aperture:g}, with which no grid is "
+                             f"resolved four times in {side:.3g} µm; allowed: {least:.3g} or more")  # fmt: skip
+        if not finest <= pitch <= side / 4.0:
+            raise InputError(f"{name} is {pitch:g} µm; allowed: {finest:.3g} to {side / 4.0:.3g} µm, resolved and four "
+                             "times in the image")  # fmt: skip
+
     def grid(self, pitch: float, angle: float, fourier: Fourier) -> np.ndarray:
         """(width, width) a square grid of dots of a third of the pitch across, turned by an angle [deg].
 
         The focal plane lies as far above the dots as they are wide, where each is a bright point.
 
         Raises:
-            InputError: A pitch of which the image does not hold four, or of which dots are not resolved.
+            InputError: As `check_pitch`.
         """
+        self.check_pitch(pitch)
         m = self.microscope
         half = 0.5 * self.width * m.pixel
-        finest = 2.0 * m.wavelength / min(m.numerical_aperture, m.medium_index)
-        if not finest <= pitch <= half / 2.0:
-            raise InputError(f"pitch is {pitch:g} µm; allowed: {finest:.3g} to {half / 2.0:.3g} µm, resolved and four "
-                             "times in the image")  # fmt: skip
         reach = math.ceil(math.sqrt(2.0) * half / pitch)
         steps = np.arange(-reach, reach + 1) * pitch
         turn = np.exp(1j * math.radians(angle))

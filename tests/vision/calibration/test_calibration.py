@@ -30,6 +30,7 @@ from otwarp.vision.calibration.synthetic import calibrate
 from otwarp.vision.fourier import Fourier
 
 SIGMAS = 5.0
+SCENE = str(Path(__file__).parents[3] / "scenes" / "strategy_b.usda")
 
 
 def bench(**changes: Any) -> Bench:
@@ -117,7 +118,7 @@ def test_files_keep_everything(tmp_path: Path) -> None:
         load_calibration(tmp_path / "absent.json")
 
 
-def test_nonsense_is_refused(fourier: Fourier, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_nonsense_is_refused(fourier: Fourier) -> None:
     here = bench()
     with pytest.raises(InputError, match="pitch is 9 µm; allowed: "):
         here.grid(9.0, 0.0, fourier)
@@ -131,6 +132,26 @@ def test_nonsense_is_refused(fourier: Fourier, tmp_path: Path, capfd: pytest.Cap
         depth_scale(np.ones(4), np.ones(4))
     with pytest.raises(InputError, match="for 3 positions of the focus"):
         trap_plane(np.ones((3, 8, 8)), np.zeros(3), here.bead(fourier))
-    scene = str(Path(__file__).parents[3] / "scenes" / "strategy_b.usda")
-    assert main(["vision", "calibrate", scene, "--pitch", "50", "-o", str(tmp_path / "c.json")]) == 2
-    assert "pitch is 50 µm; allowed: " in capfd.readouterr().err and not list(tmp_path.iterdir())
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize("pitch", ["50", "1000", "1e-9"])
+def test_a_grid_that_does_not_fit_is_refused_in_a_line(
+    pitch: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["vision", "calibrate", SCENE, "--pitch", pitch, "-o", str(tmp_path / "c.json")]) == 2
+    assert capfd.readouterr().err == (
+        f"otwarp: --pitch is {float(pitch):g} µm; allowed: 0.952 to 2.5 µm, resolved and four times in the image\n"
+    )
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.quick
+def test_a_camera_that_resolves_no_grid_is_refused_in_a_line(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    scene = tmp_path / "dim.usda"
+    aperture = "ot:camera:numericalAperture = "
+    scene.write_text(Path(SCENE).read_text(encoding="utf-8").replace(aperture + "1.45", aperture + "0.2"))
+    assert main(["vision", "calibrate", str(scene), "-o", str(tmp_path / "c.json")]) == 2
+    said = capfd.readouterr().err
+    assert said.startswith("otwarp: numericalAperture of the camera is 0.2, with which no grid ")
+    assert said.endswith(" allowed: 0.506 or more\n") and said.count("\n") == 1
