@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import time
 from dataclasses import dataclass
 from typing import Any
@@ -24,6 +25,9 @@ SAMPLE = 256
 
 MOST_MODELS = 4_096
 """Combinations of parameters that are judged one by one where every point has its own step."""
+
+MOST_STEPS = 2**31 - 1
+"""Steps of a trial, at most: a device counts those from one look at the worlds to the next in 32 bits."""
 
 PER_POINT = "per point"
 """What `time_step` is where every point takes the step that it needs."""
@@ -93,20 +97,37 @@ def steps_of_points(study: AnyStudy, wanted: float | str | None) -> np.ndarray:
         wanted: A step for all [s], `per point`, or None for the largest that all points can take.
 
     Raises:
-        InputError: A scene of some point cannot be stepped, not in the step that is given, or there are too many
-            combinations to judge one by one.
+        InputError: A scene of some point cannot be stepped, not in the step that is given, there are too many
+            combinations to judge one by one, or a trial has too many steps.
     """
     points = study.design.points
     if isinstance(wanted, int | float):
+        steps_in(study, wanted)
         counts = np.full(points, max(1, round(study.horizon / wanted)))
         _smallest(study, given=study.horizon / int(counts[0]))
         return counts
     if wanted is None:
-        return np.full(points, int(np.ceil(study.horizon / _smallest(study))))
-    needed = np.ceil(study.horizon / _each(study)).astype(int)
+        return np.full(points, steps_in(study, _smallest(study)))
+    each = _each(study)
+    steps_in(study, float(each.min()))
+    needed = np.ceil(study.horizon / each).astype(int)
     most = int(needed.max())
     ladder = np.array(sorted({-(-most // 2**j) for j in range(most.bit_length())}))
     return ladder[np.searchsorted(ladder, needed)]
+
+
+def steps_in(study: AnyStudy, step: float) -> int:
+    """Steps of the horizon, none longer than this [s].
+
+    Raises:
+        InputError: They are more than a trial may have.
+    """
+    if not study.horizon / step <= MOST_STEPS:
+        name = "until" if any(o.until == study.horizon for o in study.observables) else "horizon"
+        raise InputError(f"{name} is {study.horizon:g} s at a time step of {step:.3g} s, "
+                         f"{study.horizon / step:.3g} steps a trial; allowed: up to {MOST_STEPS:,} steps, "
+                         f"{MOST_STEPS * step:.3g} s")  # fmt: skip
+    return math.ceil(study.horizon / step)
 
 
 def _smallest(study: AnyStudy, given: float | None = None) -> float:

@@ -50,6 +50,31 @@ def test_a_power_beyond_the_stable_step(folder, kind):
         load_study(folder / "s.toml")
 
 
+AXIS = '[[axis]]\nname = "trap_power"\nvalues = [0.3, 0.5]\nunit = "mW"\n'
+ENDLESS = {
+    "until": ("", ENDINGS["trials"].replace("0.1 s", "1e30 s")),
+    "beyond float64": ("", ENDINGS["trials"].replace("0.1 s", "1e308 s")),
+    "own steps": ('time_step = "per point"', ENDINGS["trials"].replace("0.1 s", "1e30 s")),
+    "short steps": ('time_step = "1e-12 s"', ENDINGS["trials"]),
+    "escapes": ('horizon = "1e30 s"', ENDINGS["escapes"]),
+}
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize("kind", ENDLESS)
+def test_a_trial_of_more_steps_than_a_device_counts(folder, tmp_path, kind, capsys):
+    """Refused in a line by plan and run: where 10³⁴ steps were planned, a device would have had another clock."""
+    (top, rest), file = ENDLESS[kind], folder / "s.toml"
+    file.write_text(f'scene = "well.usda"\n{top}\n{AXIS}{rest}')
+    name = "until" if "until" in rest else "horizon"
+    for command in (["plan"], ["run", "-o", str(tmp_path / "out")]):
+        assert main(["study", *command, str(file), "--device", "cpu"]) == 2
+        said = capsys.readouterr().err
+        assert re.fullmatch(rf"otwarp: .*s\.toml: {name} is \S+ s at a time step of \S+ s, \S+ steps a trial; "
+                            r"allowed: up to 2,147,483,647 steps, \S+ s\n", said)  # fmt: skip
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_folder_keeps_the_blocks_that_it_was_made_with(folder, tmp_path, monkeypatch):
     """Begun by a version that cut the study otherwise, it goes on in those blocks, to the bits of any others."""
     axes = {"trap_power": values([0.3, 0.4, 0.5], unit="mW"), "start.x:/World/bead": grid(0.0, 0.3, 4, unit="µm")}

@@ -12,6 +12,7 @@ from otwarp.scene import Scene, Track
 from otwarp.simulation.model import Model
 from otwarp.studies.any_study import AnyStudy
 from otwarp.studies.design import at_values
+from otwarp.studies.plan import steps_in
 from otwarp.studies.rare.ensemble import Ensemble
 from otwarp.studies.rare.forward_flux import Estimates, forward_flux
 from otwarp.studies.rare.layout import PILOT, Layout
@@ -57,7 +58,7 @@ def own_step_counts(study: AnyEscapeStudy) -> np.ndarray:
                 model = Model.build(own, device="cpu", parameters=rows, options=study.options)
             except InputError as error:
                 raise at_values(error, values | {t: v[0] for t, v in at.items()}) from None
-            counts[point] = int(np.ceil(study.horizon / model.time_step))
+            counts[point] = steps_in(study, model.time_step)
     return counts
 
 
