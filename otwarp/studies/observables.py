@@ -250,6 +250,7 @@ def check_time(name: str, value: Any) -> float:
         InputError: Anything else.
     """
     number = quantity(value, "s", name) if isinstance(value, str) else value
-    if not isinstance(number, int | float) or not 0.0 < number < float("inf"):
+    real = isinstance(number, int | float | np.integer | np.floating) and not isinstance(number, bool)
+    if not real or not 0.0 < number < float("inf"):
         raise InputError(f"{name} is {value!r}; allowed: a time above 0 s")
     return float(number)

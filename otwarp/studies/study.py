@@ -127,16 +127,15 @@ class Study:
 
     def _horizon(self, horizon: float | None) -> float:
         latest = max((o.until for o in self.observables if o.until is not None), default=None)
-        found = (
+        given = (
             horizon if horizon is not None else latest if latest is not None else self.design.scene.settings.duration
         )
-        if not (isinstance(found, int | float) and np.isfinite(found) and found > 0.0):
-            raise InputError(f"horizon is {found!r}; allowed: a time above 0 s")
+        found = check_time("horizon", given)
         if latest is not None and found < latest:
             raise InputError(
                 f"horizon is {found:g} s; allowed: {latest:g} s or more, the latest until of an observable"
             )
-        return float(found)
+        return found
 
     @property
     def ends(self) -> tuple[End, ...]:

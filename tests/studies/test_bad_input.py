@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -79,6 +80,21 @@ def test_a_start_inside_an_obstacle_beside_an_axis_that_turns():
     assert (
         study_of(scene, axes={"start:/World/Robots/left": place, "turn.z:/World/Robots/left": free}).design.points == 1
     )
+
+
+@pytest.mark.quick
+def test_times_that_are_none(scene):
+    """A bool is no number; a number of NumPy and a text with its unit are."""
+    wrongs: list[Any] = [True, False, np.True_, np.nan, -1, [1.0], "1", "1 mW"]
+    for wrong in wrongs:
+        for name in ("horizon", "every"):
+            with pytest.raises(InputError, match=rf"^{name} (is|has) .*; allowed: "):
+                study_of(scene, **{name: wrong})
+        with pytest.raises(InputError, match=r"^until (is|has) .*; allowed: "):
+            trapped(until=wrong)
+    rights: list[Any] = [np.float32(2.0), np.int64(2), "2 s", "2000 ms"]
+    for right in rights:
+        assert study_of(scene, horizon=right).horizon == 2.0
 
 
 def test_bad_lists():

@@ -263,9 +263,10 @@ def _levels(
     order: Order, interfaces: Sequence[float] | None, basin: float | None
 ) -> tuple[np.ndarray | None, float | None]:
     """Interfaces and the end of the basin, as the device compares them."""
+    real = isinstance(basin, int | float | np.integer | np.floating) and not isinstance(basin, bool)
+    if basin is not None and not (real and np.isfinite(basin)):
+        raise InputError(f"basin is {basin!r}; allowed: a finite {order.name}")
     if interfaces is None:
-        if basin is not None and not np.isfinite(basin):
-            raise InputError(f"basin is {basin!r}; allowed: a finite {order.name}")
         return None, None if basin is None else float(rounded(basin))
     try:
         found = rounded(np.asarray(interfaces, dtype=float))

@@ -309,6 +309,8 @@ def test_intervals_hold_the_mean():
         ({"interfaces": [0.2, np.nan]}, "values that increase"),
         ({"interfaces": []}, "1 to 64 finite"),
         ({"interfaces": [0.2], "basin": 0.3}, "beyond the first interface"),
+        ({"interfaces": [0.2], "basin": True}, "basin is True; allowed: a finite distance"),
+        ({"basin": "0.2"}, "basin is '0.2'; allowed: a finite distance"),
         ({"method": "fss"}, "allowed: forward-flux, splitting"),
         ({"runs": 1}, "runs is 1"),
         ({"branches": 1.5}, "branches is 1.5"),
