@@ -9,7 +9,7 @@ file importing only from those above it:
     labels                 everything that is known of every image before one is rendered
     shots                  the images of a pose
     plan                   what it will cost
-    store                  the folder
+    manifest, store        what its file `manifest.json` must say; the folder
     samples, card          a page of images, and what the data set holds, for people
     make                   all of these together: `make_dataset`
     open                   `open_dataset`: labels, splits and images, checked

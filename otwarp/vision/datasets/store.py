@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,53 +27,8 @@ from otwarp.errors import InputError
 from otwarp.files import written
 from otwarp.vision.datasets.domain import PARAMETERS
 from otwarp.vision.datasets.labels import Labels
+from otwarp.vision.datasets.manifest import ATTRIBUTES, VERSION, check_manifest
 from otwarp.vision.sensor import NOISE
-
-VERSION = 1
-"""Of the layout of the folder."""
-
-ATTRIBUTES = {
-    "pose": ("1", "number of the rendered pose"),
-    "robot": ("1", "number of the robot of the class"),
-    "tilt": ("deg", "angle of the robot's long axis to the focal plane, positive towards where light goes"),
-    "tilt_class": ("1", "index of the tilt among the manifest's classes, -1 for none"),
-    "depth": ("um", "height of the robot's centre above the focal plane, along the light"),
-    "depth_normalized": ("1", "depth between 0 and 1 of the focus sweep of its pose"),
-}
-"""Labels that are no parameters: units and meaning."""
-
-
-def _counts(value: Any) -> bool:
-    """Whether a value of JSON is a whole number above 0."""
-    return isinstance(value, int) and not isinstance(value, bool) and value > 0
-
-
-def _texts(value: Any) -> bool:
-    """Whether a value of JSON is a list of texts."""
-    return isinstance(value, list) and all(isinstance(v, str) for v in value)
-
-
-def _numbers(value: Any) -> bool:
-    """Whether a value of JSON is a list of numbers."""
-    return isinstance(value, list) and all(isinstance(v, int | float) for v in value)
-
-
-def _object(value: Any) -> bool:
-    """Whether a value of JSON is an object."""
-    return isinstance(value, dict)
-
-
-SHAPES: Mapping[str, Callable[[Any], bool]] = {
-    "count": _counts,
-    "poses": _counts,
-    "chunk": _counts,
-    "shape": lambda value: isinstance(value, list) and len(value) == 2 and all(_counts(v) for v in value),
-    "labels": lambda value: _texts(value) and set(ATTRIBUTES) <= set(value),
-    "splits_made": _texts,
-    "classes": _numbers,
-    **dict.fromkeys(("robot", "symmetry", "optics", "sensor"), _object),
-}
-"""What a manifest must say: whether a value can be it."""
 
 
 @dataclass(frozen=True)
@@ -102,12 +57,7 @@ class Store:
             ) from None
         except (OSError, ValueError) as error:
             raise InputError(f"{file}: cannot be read ({error}); allowed: what otwarp vision dataset wrote") from None
-        if not isinstance(said, dict) or said.get("version") != VERSION:
-            version = said.get("version") if isinstance(said, dict) else None
-            raise InputError(f"{file}: version = {version!r}; allowed: {VERSION}, as this otwarp writes it")
-        wrong = next((name for name, fits in SHAPES.items() if not fits(said.get(name))), None)
-        if wrong is not None:
-            raise InputError(f"{file}: {wrong} = {said.get(wrong)!r:.60}; allowed: what otwarp vision dataset wrote")
+        check_manifest(said, file)
         return said
 
     def checksums(self) -> dict[str, str] | None:

@@ -18,9 +18,9 @@ from otwarp.errors import InputError
 from otwarp.vision.datasets import Labels, Robot, Spec
 from otwarp.vision.datasets.domain import Range
 from otwarp.vision.datasets.labels import outlined
+from otwarp.vision.datasets.manifest import microscope_in, sensor_in
 from otwarp.vision.datasets.shots import pose_intensities
 from otwarp.vision.fourier import Fourier
-from otwarp.vision.microscope import Microscope
 from otwarp.vision.networks.estimate import ANGLES
 from otwarp.vision.rendering import Rendering
 from otwarp.vision.sensor import Sensor
@@ -158,7 +158,6 @@ def labels_from(dataset: Any) -> Labels:
         dataset: As `open_dataset` gives it.
     """
     said, arrays = dataset.manifest, {name: np.asarray(values) for name, values in dataset.labels.items()}
-    optics = {**said["optics"], "zernike": {int(n): rms for n, rms in said["optics"]["zernike"].items()}}
     layout = said["layout"]
     spec = Spec(
         robot=Robot.read(said["robot"]),
@@ -167,8 +166,8 @@ def labels_from(dataset: Any) -> Labels:
         count=layout["count"],
         width=layout["width"],
         height=layout["height"],
-        microscope=Microscope(**optics),
-        sensor=Sensor(**said["sensor"]),
+        microscope=microscope_in(said),
+        sensor=sensor_in(said),
         rendering=Rendering(**said["rendering"]),
         domain={name: _range(r) for name, r in said["domain"].items()},
         seed=said["seed"],

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from otwarp.errors import InputError, PlausibilityWarning
+from otwarp.vision.datasets.manifest import microscope_in
 from otwarp.vision.datasets.robot import Robot
 from otwarp.vision.microscope import Microscope
 
@@ -56,9 +57,8 @@ def seen_all_around(dataset: Any) -> bool:
     Args:
         dataset: As `open_dataset` gives it.
     """
-    optics = dict(dataset.manifest["optics"])
-    optics["zernike"] = {int(n): value for n, value in optics["zernike"].items()}
-    return same_all_around(Microscope(**optics)) and not any(np.any(dataset.labels.get(name, 0.0)) for name in ASKEW)
+    microscope = microscope_in(dataset.manifest)
+    return same_all_around(microscope) and not any(np.any(dataset.labels.get(name, 0.0)) for name in ASKEW)
 
 
 def robot_of(about: Mapping[str, Any]) -> Robot:

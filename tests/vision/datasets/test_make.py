@@ -205,6 +205,9 @@ def test_checksums_that_are_none_are_one_line(small: Path, tmp_path: Path, text:
         ({"labels": ["depth"]}, r"labels = \['depth'\]; allowed: what"),
         ({"classes": "all"}, "classes = 'all'; allowed: what"),
         ({"robot": []}, r"robot = \[\]; allowed: what"),
+        ({"seed": "a"}, "seed = 'a'; allowed: what"),
+        ({"layout": None}, "layout = None; allowed: what"),
+        ({"domain": {"x": {"low": 0.0}}}, r"domain.x = .*; allowed: what"),
     ],
 )
 def test_manifests_that_say_what_cannot_be_are_one_line(
@@ -215,6 +218,37 @@ def test_manifests_that_say_what_cannot_be_are_one_line(
     (there / "manifest.json").write_text(json.dumps({n: v for n, v in manifest.items() if v is not None}))
     with pytest.raises(InputError, match=f"manifest.json: .*{said}"):
         open_dataset(there).images([0])
+
+
+@pytest.mark.parametrize(
+    ("table", "changes", "said"),
+    [
+        ("optics", {"pixel": None}, "optics.pixel = None"),
+        ("optics", {"wavelength": "red"}, "optics.wavelength = 'red'"),
+        ("optics", {"zernike": None}, "optics.zernike = None"),
+        ("optics", {"zernike": {"coma": 0.1}}, "optics.zernike = {'coma': 0.1}"),
+        ("optics", {"lens": 1}, "optics.lens is unknown"),
+        ("sensor", {"bits": None}, "sensor.bits = None"),
+        ("symmetry", {"flip": None}, "symmetry.flip = None"),
+        ("robot", {"spheres": None}, "robot.spheres = None"),
+        ("robot", {"spheres": [{"center": [0, 0], "radius": 1, "index": 1.5}]}, r"robot.spheres = \[.*"),
+        ("robot", {"spheres": []}, "robot has no solids"),
+        ("layout", {"depth": [1]}, r"layout.depth = \[1\]"),
+        ("rendering", {"speed": 2}, "rendering.speed is unknown"),
+    ],
+)
+def test_tables_of_manifests_that_lack_what_is_read_are_one_line(
+    small: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], table: str, changes: dict[str, object], said: str
+) -> None:
+    there = shutil.copytree(small, tmp_path / "there")
+    file = there / "manifest.json"
+    manifest = json.loads(file.read_text())
+    manifest[table] = {n: v for n, v in (manifest[table] | changes).items() if v is not None}
+    file.write_text(json.dumps(manifest))
+    with pytest.raises(InputError, match=rf"^{file}: {said}; allowed: what otwarp vision dataset wrote$"):
+        open_dataset(there)
+    assert main(["vision", "train", str(there), "-o", str(tmp_path / "run")]) == 2
+    assert capfd.readouterr().err.startswith(f"otwarp: {file}: ")
 
 
 @pytest.mark.parametrize("lost", ["data.zarr", "data.zarr/images", "data.zarr/depth", "data.zarr/images/c/0"])
