@@ -72,7 +72,7 @@ class Store:
     def finished(self) -> list[int]:
         """Poses that are whole."""
         folder = self.folder / "done"
-        return sorted(int(f.name) for f in folder.iterdir() if f.name.isdigit()) if folder.is_dir() else []
+        return sorted(int(f.name) for f in folder.iterdir() if f.name.isdecimal()) if folder.is_dir() else []
 
     def finished_sums(self) -> dict[str, str]:
         """Checksums of the chunks of all poses that are whole, as their markers say.
@@ -109,7 +109,10 @@ class Store:
         """
         import zarr
 
-        (self.folder / "done").mkdir(exist_ok=True)  # git and archives leave empty folders out
+        done = self.folder / "done"
+        if not done.is_dir() and (done.exists() or done.is_symlink()):
+            raise InputError(f"{done}: is no folder; allowed: the one that was made, or none")
+        done.mkdir(exist_ok=True)  # git and archives leave empty folders out
         self.check_there(["zarr.json", "images/zarr.json", *(f"{name}/c/0" for name in labels)])
         for name in ("images", *labels):
             self.check_there([f"{name}/zarr.json"])

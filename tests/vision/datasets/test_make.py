@@ -181,6 +181,20 @@ def test_a_data_set_goes_on_without_its_empty_folder(small: Path, begun: Path, t
     assert (there / "checksums.json").read_bytes() == (small / "checksums.json").read_bytes()
 
 
+@pytest.mark.parametrize("what", ["file", "link"])
+def test_something_else_in_the_place_of_that_folder_is_one_line(
+    small: Path, begun: Path, tmp_path: Path, what: str
+) -> None:
+    there = shutil.copytree(begun, tmp_path / "there")
+    shutil.rmtree(there / "done")
+    if what == "file":
+        (there / "done").write_text("yes")
+    else:
+        (there / "done").symlink_to(tmp_path / "gone")
+    with pytest.raises(InputError, match=r"^.*/there/done: is no folder; allowed: the one that was made, or none$"):
+        make_dataset(small.parent / "small.toml", there, device="cpu")
+
+
 @pytest.mark.parametrize("text", ["[]", "5", "{}", '{"zarr.json": 5}', "null", "{"])
 def test_checksums_that_are_none_are_one_line(small: Path, tmp_path: Path, text: str) -> None:
     there = shutil.copytree(small, tmp_path / "there")
