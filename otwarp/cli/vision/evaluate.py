@@ -34,13 +34,11 @@ def evaluate(
 
     Of the data set that it was trained on, the test part of its split; of others, all images.
     """
-    from otwarp.files import check_place
     from otwarp.vision.networks.evaluate import evaluate as evaluated
     from otwarp.vision.networks.metrics import in_words
-    from otwarp.vision.networks.report import write_report
+    from otwarp.vision.networks.report import check_report, write_report
 
-    folder = report or (run.parent if run.is_file() else run) / "report"
-    check_place(folder, "--report", folder=True)
+    folder = check_report(report or (run.parent if run.is_file() else run) / "report")
     stop.begin()
 
     def say(name: str) -> None:

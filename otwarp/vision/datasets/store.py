@@ -30,6 +30,9 @@ from otwarp.vision.datasets.labels import Labels
 from otwarp.vision.datasets.manifest import ATTRIBUTES, VERSION, check_manifest
 from otwarp.vision.sensor import NOISE
 
+MANIFEST, DATA = "manifest.json", "data.zarr"
+"""What every data set holds: the first of its files, and the folder of its arrays."""
+
 
 @dataclass(frozen=True)
 class Store:
@@ -40,7 +43,7 @@ class Store:
     @property
     def data(self) -> Path:
         """Folder of the zarr group that holds images and labels."""
-        return self.folder / "data.zarr"
+        return self.folder / DATA
 
     def manifest(self) -> dict[str, Any]:
         """What `manifest.json` says.
@@ -48,7 +51,7 @@ class Store:
         Raises:
             InputError: It is not there, not readable, of another version, or says what cannot be.
         """
-        file = self.folder / "manifest.json"
+        file = self.folder / MANIFEST
         try:
             said = json.loads(file.read_text(encoding="utf-8"))
         except (FileNotFoundError, NotADirectoryError):

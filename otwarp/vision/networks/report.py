@@ -7,7 +7,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from otwarp.errors import InputError
 from otwarp.files import check_place, written, written_together
+from otwarp.vision.datasets.store import DATA, MANIFEST
 from otwarp.vision.networks.checkpoint import write_json
 from otwarp.vision.networks.estimate import ANGLES
 from otwarp.vision.networks.evaluate import Evaluation
@@ -15,7 +17,24 @@ from otwarp.vision.networks.figures import draw_calibration, draw_confusion, dra
 from otwarp.vision.networks.run import Estimator
 
 
-def write_report(folder: Path, estimator: Estimator, found: Sequence[Evaluation]) -> Path:
+def check_report(folder: str | Path) -> Path:
+    """The folder of a report, which may be that of the report before.
+
+    Args:
+        folder: Where; it is not made yet.
+
+    Raises:
+        InputError: It is a data set or in its arrays, or cannot be written.
+    """
+    place = Path(folder)
+    whole = place.resolve()
+    if (whole / MANIFEST).exists() or DATA in whole.parts:
+        raise InputError(f"--report is {place}, which holds a data set; allowed: a folder of its own")
+    check_place(place, "--report", folder=True)
+    return place
+
+
+def write_report(folder: str | Path, estimator: Estimator, found: Sequence[Evaluation]) -> Path:
     """Write `report.md`, `report.json` and figures: all of them, or none where one cannot be written.
 
     Args:
@@ -27,13 +46,13 @@ def write_report(folder: Path, estimator: Estimator, found: Sequence[Evaluation]
         The page.
 
     Raises:
-        InputError: The folder cannot be written.
+        InputError: As `check_report`.
         OSError: The disk is full; what was there stays as it was.
     """
-    check_place(folder, "--report", folder=True)
-    with written_together(folder) as apart:
+    place = check_report(folder)
+    with written_together(place) as apart:
         _write(apart, estimator, found)
-    return folder / "report.md"
+    return place / "report.md"
 
 
 def _write(folder: Path, estimator: Estimator, found: Sequence[Evaluation]) -> None:

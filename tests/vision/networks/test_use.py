@@ -171,7 +171,7 @@ def test_evaluation_makes_a_page_with_figures(smoke: Path, trained: Path, tmp_pa
     for key in ("bound", "rmse"):  # the whole is the root mean square of its parts
         squares = [one["images"] * one[key] ** 2 for one in apart]
         assert np.sum(squares) == pytest.approx(whole["images"] * whole[key] ** 2)
-    page = write_report(tmp_path / "report", estimator, found)
+    page = write_report(str(tmp_path / "report"), estimator, found)
     text = page.read_text()
     for words in (
         "nearest template",
@@ -187,6 +187,24 @@ def test_evaluation_makes_a_page_with_figures(smoke: Path, trained: Path, tmp_pa
     }  # fmt: skip
     said = json.loads((tmp_path / "report" / "report.json").read_text())
     assert np.sum(said["evaluations"][1]["scores"]["confusion"]) == 200
+
+
+@pytest.mark.parametrize("place", ["", "data.zarr", "data.zarr/images", "../link"])
+def test_a_report_is_written_into_no_data_set(
+    smoke: Path, trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], place: str
+) -> None:
+    """Its files would lie among those whose checksums are kept."""
+    data = shutil.copytree(smoke, tmp_path / "copy")
+    (tmp_path / "link").symlink_to(data)
+    before = sorted(data.rglob("*"))
+    folder = data / place if place else data
+    words = ["vision", "evaluate", str(trained), str(smoke), "--report", str(folder), "--device", "cpu"]
+    assert main(words) == 2
+    said = f"--report is {folder}, which holds a data set; allowed: a folder of its own"
+    assert capsys.readouterr().err == f"otwarp: {said}\n"
+    with pytest.raises(InputError, match=f"^{said}$"):
+        write_report(folder, load(trained, device="cpu"), [])
+    assert sorted(data.rglob("*")) == before
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs RLIMIT_FSIZE")
