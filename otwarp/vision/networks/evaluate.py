@@ -106,7 +106,9 @@ def evaluate(
     if estimator.about.get("training") != checkpoint.digest(asked):
         raise InputError(f"{network_file(folder)}: is not the network of the training in {run_json}; allowed: the one "
                          "that this training wrote")  # fmt: skip
-    opened = [(Path(d).name or Path(d).resolve().name, open_dataset(d)) for d in datasets]
+    # . and .. are no names
+    names = [(p if p.name not in ("", "..") else p.resolve()).name for p in map(Path, datasets)]
+    opened = [(name, open_dataset(d)) for name, d in zip(names, datasets, strict=True)]
     for name, data in opened:
         check_fits(estimator, data, name)
         if not any_robot:

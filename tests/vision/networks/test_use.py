@@ -207,6 +207,18 @@ def test_a_report_is_written_into_no_data_set(
     assert sorted(data.rglob("*")) == before
 
 
+@pytest.mark.parametrize("here", [".", "..", "../smoke"])
+def test_data_sets_have_the_names_of_their_folders(
+    smoke: Path, trained: Path, tmp_path: Path, monkeypatch, capsys: pytest.CaptureFixture[str], here: str
+) -> None:
+    monkeypatch.chdir(smoke / "data.zarr" if here == ".." else smoke)
+    words = ["vision", "evaluate", str(trained), here, "--poses", "0", "--no-baselines", "--device", "cpu"]
+    assert main([*words, "--report", str(tmp_path)]) == 0
+    out, told = capsys.readouterr()
+    assert told == "otwarp: smoke\n" and out.startswith("smoke, test part of split focus_blocks: ")
+    assert "## smoke: " in (tmp_path / "report.md").read_text() and (tmp_path / "1_smoke_errors.png").is_file()
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="needs RLIMIT_FSIZE")
 def test_a_full_disk_changes_no_file_of_a_report(smoke: Path, trained: Path, tmp_path: Path) -> None:
     """Its first file fits, a later one does not."""
