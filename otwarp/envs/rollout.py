@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from otwarp.envs.actions import read_action
 from otwarp.envs.batch import Batch
 from otwarp.envs.randomise.groups import group_tasks
 from otwarp.envs.results import information
@@ -126,6 +127,8 @@ def run_policy(
     Raises:
         InputError: The task cannot be, a number that is none, or the policy returns something else.
     """
+    if not callable(policy):
+        raise InputError(f"policy is {policy!r}; allowed: a function (seen, fresh) -> actions, as policy_of gives it")
     tasks, episodes, seed = group_tasks(task), whole("episodes", episodes, 1), whole("seed", seed, 0)
     together = episodes if worlds is None else whole("worlds", worlds, 1)
     found: dict[str, np.ndarray] = {}
@@ -136,8 +139,8 @@ def run_policy(
         for first in range(0, len(numbers), count):
             # the last block is filled up with environments that do not count
             some = numbers[first : first + count]
-            seeds = seed + some[0] + np.arange(count) * len(tasks)
-            _run_block(batch, policy, len(some), seeds % 2**32, account, watch)
+            which = some[0] + np.arange(count) * len(tasks)
+            _run_block(batch, policy, len(some), which, seed, account, watch)
         for name, parts in account.rows.items():
             rows = np.concatenate(parts)
             found.setdefault(name, np.empty(episodes, dtype=rows.dtype))[numbers] = rows
@@ -148,13 +151,14 @@ def _run_block(
     batch: Batch,
     policy: Policy,
     wanted: int,
-    seeds: np.ndarray,
+    which: np.ndarray,
+    seed: int,
     account: _Account,
     watch: Callable[[Batch], None] | None,
 ) -> None:
-    """An episode of each world, of which the first `wanted` count."""
+    """An episode of each world, of which the first `wanted` count; `which` environments they are, by which seeds go."""
     w, columns, out = batch.worlds, batch.layout.seen, batch.verdict
-    batch.restart(seeds=seeds)
+    batch.restart(seeds=(seed + which) % 2**32)
     scale = np.array([c.scale for c in columns])
     earned, periods = np.zeros(w), np.zeros(w, dtype=int)
     success, outcome, running = np.zeros(w, dtype=bool), np.zeros(w, dtype=int), np.ones(w, dtype=bool)
@@ -163,10 +167,7 @@ def _run_block(
         watch(batch)
     while running[:wanted].any():
         seen = out.seen.numpy() * scale
-        acted = np.asarray(policy({c.name: seen[:, n] for n, c in enumerate(columns)}, fresh), dtype=np.float32)
-        if acted.shape != batch.actions.shape or not np.all(np.isfinite(acted)):
-            raise InputError(f"policy returned numbers of shape {acted.shape}; allowed: finite, {batch.actions.shape}")
-        batch.actions.assign(acted)
+        batch.actions.assign(_acted(batch, policy({c.name: seen[:, n] for n, c in enumerate(columns)}, fresh), which))
         batch.step()
         info = information(batch, lambda array: array.numpy())
         # a world that stands still is judged again: its first end counts
@@ -180,3 +181,22 @@ def _run_block(
             watch(batch)
     for name, row in (("success", success), ("outcome", outcome), ("earned", earned), ("n", periods)):
         account.rows[name].append(row[:wanted])
+
+
+def _acted(batch: Batch, given: Any, which: np.ndarray) -> np.ndarray:
+    """(N, A) float32 within ±1, what a policy returned.
+
+    Raises:
+        InputError: It is something else; of a number that is not finite, whose it is.
+    """
+    acted = read_action(given)
+    if acted.dtype.kind not in "iuf" or acted.shape != batch.actions.shape:
+        kind = type(given).__name__ if acted.dtype.kind == "O" else f"{acted.dtype} of shape {acted.shape}"
+        raise InputError(f"policy returned {kind}; allowed: numbers of shape {tuple(batch.actions.shape)}")
+    bad = np.argwhere(~np.isfinite(acted))
+    if len(bad):
+        row, n = bad[0]
+        name = batch.layout.acted[n].name
+        raise InputError(f"policy returned {acted[row, n]} for {name}, number {n} of the action of environment "
+                         f"{which[row]}; allowed: finite numbers, of which those within ±1 count")  # fmt: skip
+    return acted.clip(-1.0, 1.0).astype(np.float32)  # as the device does; float32 holds no 1e300
