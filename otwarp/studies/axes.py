@@ -164,11 +164,11 @@ def sobol(low: ArrayLike, high: ArrayLike, count: int, *, unit: str | Sequence[s
     count = _count("sobol", count, 1)
     draws = engine.random_base2(math.ceil(math.log2(count)))[:count].reshape(count, *a.shape)
     points = a + (b - a) * draws
-    if isinstance(unit, str) or not isinstance(unit, Sequence | np.ndarray):
+    if isinstance(unit, str | bytes) or not isinstance(unit, Sequence | np.ndarray):
         return values(points, unit=unit)
     if len(unit) != a.size:
         raise InputError(f"sobol has {a.size} components and {len(unit)} units; allowed: as many of both, or one unit")
-    return tuple(Axis(points[:, n], each) for n, each in enumerate(unit))
+    return tuple(Axis(points.reshape(count, -1)[:, n], each) for n, each in enumerate(unit))
 
 
 @dataclass(frozen=True)

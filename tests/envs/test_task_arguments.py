@@ -104,6 +104,13 @@ def test_the_command_line_refuses_them_too(option, capsys):
     assert option.partition("=")[0] in error and "allowed: " in error and error.count("\n") == 1
 
 
+@pytest.mark.parametrize("axis", [{"values": [4.0]}, {"sobol": {"low": 4, "high": 6, "count": 4}}])
+@pytest.mark.parametrize("unit", [3, None, True, b"mW"])
+def test_units_of_what_is_randomised_are_texts(axis, unit):
+    refused(lambda: dataclasses.replace(TASK, randomise={"trap_power": axis | {"unit": unit}}),
+            f"randomise trap_power of task tests/Bead-v0: unit is {unit!r}; allowed: a text such as 'mW'")  # fmt: skip
+
+
 def test_axes_may_be_tables_which_a_spec_keeps():
     axes = {
         "trap_power": {"values": [4.0, 6.0], "unit": "mW"},

@@ -65,6 +65,8 @@ def test_sobol_points_are_even():
         parts = np.floor(64 * (axis.values - low) / (high - low)).astype(int)
         assert sorted(parts) == list(range(64))
     assert (power.unit, height.unit) == ("mW", "µm")
+    (alone,) = sobol(1.0, 9.0, 64, unit=["mW"], seed=7)
+    assert alone.unit == "mW" and np.array_equal(alone.values, sobol(1.0, 9.0, 64, unit="mW", seed=7).values)
 
 
 @pytest.mark.parametrize(
