@@ -17,7 +17,7 @@ from otwarp.envs.kernels.starts import NEXT_EPISODE
 from otwarp.envs.layout import Layout
 from otwarp.envs.randomise.groups import group_tasks, scenes_differ
 from otwarp.envs.results import Arrays
-from otwarp.envs.single import Env, read_seed
+from otwarp.envs.single import Env, read_seed, refuse_options
 from otwarp.envs.task import Task
 from otwarp.envs.vector import VectorEnv, drawn, read_mask, read_seeds, refuse_over
 from otwarp.errors import InputError
@@ -78,6 +78,7 @@ class GroupedEnv(gymnasium.Env):
         """Start an episode, as `Env.reset` does, in the scene that is its own."""
         self.refuse_closed()
         given = read_seed(seed)
+        refuse_options(options)  # before a scene is made ready for what is refused
         super().reset(seed=given)
         if given is not None or not self._started:
             first = int(self.np_random.integers(0, 2**32)) if given is None else given
@@ -85,7 +86,7 @@ class GroupedEnv(gymnasium.Env):
         else:
             place = self._seed, self._episode + 1
         env = self._env(group_of(*place, len(self.tasks)))
-        result = env.reset(seed=(place[0] + place[1] * int(NEXT_EPISODE)) % 2**32, options=options)
+        result = env.reset(seed=(place[0] + place[1] * int(NEXT_EPISODE)) % 2**32)
         self.now, (self._seed, self._episode), self._started = env, place, True
         return result
 

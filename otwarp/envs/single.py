@@ -75,9 +75,7 @@ class Env(gymnasium.Env):
         """
         self.refuse_closed()
         given = read_seed(seed)
-        if options is not None and not (isinstance(options, Mapping) and not options):
-            wrong = next(iter(options)) if isinstance(options, Mapping) else options
-            raise InputError(f"option {wrong!r} of reset is unknown; allowed: none")
+        refuse_options(options)
         super().reset(seed=given)
         first = -1 if given is None else given % 2**32
         if first < 0 and not self._started:
@@ -141,3 +139,14 @@ def read_seed(seed: Any) -> int | None:
     if given is not None and (isinstance(given, bool) or not isinstance(given, int | np.integer) or given < 0):
         raise InputError(f"seed is {given!r}; allowed: a whole number from 0 on, or None")
     return None if given is None else int(given)
+
+
+def refuse_options(options: Any) -> None:
+    """Refuse options of `reset`, of which there are none.
+
+    Raises:
+        InputError: There is one.
+    """
+    if options is not None and not (isinstance(options, Mapping) and not options):
+        wrong = next(iter(options)) if isinstance(options, Mapping) else options
+        raise InputError(f"option {wrong!r} of reset is unknown; allowed: none")

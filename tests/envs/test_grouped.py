@@ -235,6 +235,20 @@ def test_refused_actions_and_steps_change_nothing(file):
         one.step(action)
 
 
+@pytest.mark.quick
+def test_refused_options_of_a_reset_change_nothing(file):
+    task = task_in(file, randomise={RADIUS: RADII}, time_limit=0.1, goal=FAR)
+    env, other = (GroupedEnv(task, device="cpu") for _ in range(2))
+    assert np.array_equal(env.reset(seed=4, options={})[0], other.reset(seed=4)[0])
+    made = len(env._envs)
+    seed = next(n for n in range(20) if group_of(n, 0, 3) != group_of(4, 0, 3))
+    for wrong, said in (({"where": 1}, "'where'"), (3, "3"), ([], r"\[\]")):
+        with pytest.raises(InputError, match=f"^option {said} of reset is unknown; allowed: none$"):
+            env.reset(seed=seed, options=wrong)  # type: ignore[arg-type]
+    assert len(env._envs) == made
+    assert np.array_equal(env.reset()[0], other.reset()[0])
+
+
 def test_pictures_are_those_of_the_environments(file):
     task = task_in(file, randomise={RADIUS: RADII})
     envs = GroupedVectorEnv(task, 4, device="cpu", render_mode="rgb_array", render_envs=(3, 1))
