@@ -64,18 +64,25 @@ class Term:
             InputError: A name that is no parameter of it, or a value that it cannot have.
         """
         options = {name: given.pop(name) for name in OPTIONS if name in given}
+        # numbers of NumPy as Python's own, which JSON has
+        options = {name: v.item() if isinstance(v, np.generic) else v for name, v in options.items()}
         for name in given:
             if name not in self.values:
                 allowed = ", ".join([*self.values, *OPTIONS])
                 raise InputError(f"term {self.name} has no parameter {name}; allowed: {allowed}")
         scale, axes = options.get("scale", self.scale), options.get("axes", self.axes)
-        if not (isinstance(scale, int | float) and math.isfinite(scale) and scale > 0.0):
+        if not (_is_number(scale) and scale > 0.0):
             raise InputError(f"scale of term {self.name} is {scale!r}; allowed: a finite number above 0")
         if not isinstance(axes, str) or not axes or any(a not in "xyz" or axes.count(a) > 1 for a in axes):
             raise InputError(f"axes of term {self.name} are {axes!r}; allowed: some of x, y, z, each once")
         weight = options.get("weight", self.weight)
-        if not (isinstance(weight, int | float) and math.isfinite(weight)):
+        if not _is_number(weight):
             raise InputError(f"weight of term {self.name} is {weight!r}; allowed: a finite number")
+        success, name = options.get("success", self.success), options.get("name", self.name)
+        if not isinstance(success, bool):
+            raise InputError(f"success of term {self.name} is {success!r}; allowed: True, False")
+        if not isinstance(name, str) or not name:
+            raise InputError(f"name of term {self.name} is {name!r}; allowed: a text")
         return replace(self, values={**self.values, **given}, **options)
 
     def row(self, scene: Scene) -> list[float]:

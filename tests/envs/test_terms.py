@@ -98,7 +98,12 @@ def test_gaps_are_those_to_the_nearest_obstacle(device):
         (lambda: t.gap(cell=1), "has no parameter cell; allowed: body, name"),
         (lambda: t.gap(body=BEAD, scale=0.0), "scale of term gap is 0.0"),
         (lambda: t.goal_offset(axes="xx"), "axes of term goal_offset are 'xx'"),
+        (lambda: t.gap(body=BEAD, scale=True), "scale of term gap is True; allowed: a finite number above 0"),
         (lambda: t.passing(weight=float("nan")), "weight of term passing is nan"),
+        (lambda: t.passing(weight=True), "weight of term passing is True; allowed: a finite number"),
+        (lambda: t.passing(weight="1"), "weight of term passing is '1'; allowed: a finite number"),
+        (lambda: t.reached(success=1), "success of term reached is 1; allowed: True, False"),
+        (lambda: t.passing(name=""), "name of term passing is ''; allowed: a text"),
         (lambda: Batch(dataclasses.replace(TASK, observations=(t.gap(),))), "parameter body has no value"),
         (lambda: Batch(dataclasses.replace(TASK, observations=(t.gap(body="/World/x"),))), "body of term gap is '/Wo"),
         (lambda: dataclasses.replace(TASK, rewards=(t.goal_offset(body=BEAD),)), "is a vector; allowed: number"),
@@ -109,3 +114,9 @@ def test_terms_that_cannot_be_are_told_in_one_line(made, said):
     with pytest.raises(InputError) as error:
         made()
     assert said in str(error.value) and "\n" not in str(error.value)
+
+
+def test_weights_and_scales_may_be_numbers_of_numpy():
+    made = t.gap(body=BEAD, scale=np.float32(2.0), weight=np.int64(3), success=np.True_)
+    assert [type(v) for v in (made.scale, made.weight, made.success)] == [float, int, bool]
+    assert (made.scale, made.weight, made.success) == (2.0, 3, True)
