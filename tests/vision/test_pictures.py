@@ -62,6 +62,16 @@ def test_a_time_out_of_reach_is_refused_in_a_line(
 
 
 @pytest.mark.quick
+def test_the_command_says_how_far_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("otwarp.cli.progress.LONG", 0.0)
+    words = ["--time", "3", "--size", "32x32", "--device", "cpu"]
+    assert main(["vision", "render", "scenes/single_bead.usda", *words, "-o", str(tmp_path / "bead.png")]) == 0
+    assert "otwarp: step 500 of 1464\n" in (said := capsys.readouterr().err) and "otwarp: step 1464 of 1464\n" in said
+
+
+@pytest.mark.quick
 def test_the_way_to_a_moment_is_counted() -> None:
     told: list[tuple[int, int]] = []
     moments("scenes/single_bead.usda", time=3.0, device="cpu", progress=lambda done, count: told.append((done, count)))
