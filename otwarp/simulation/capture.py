@@ -8,6 +8,7 @@ import warp as wp
 
 from otwarp.errors import InputError
 from otwarp.simulation.episodes import Episodes
+from otwarp.simulation.packing.arguments import whole
 from otwarp.simulation.state import Control
 
 
@@ -16,6 +17,7 @@ class CapturedLoop:
 
     Attributes:
         steps: Time steps of one turn.
+        measured: Whether the readout is of the end of a turn: not where worlds are started anew behind it.
         graph: The graph, for whoever launches it on a stream of his own (`wp.capture_launch(loop.graph, stream)`); of
             all worlds, `episodes.list_all()` comes first where other steps have been taken since the capture.
 
@@ -23,7 +25,7 @@ class CapturedLoop:
         control, episodes: Of what steps, whose kernels are loaded.
         steps: As above.
         turn: Launches one turn.
-        count: Counts `n` steps as taken.
+        count: Counts `n` steps as taken, `measured` or not.
         every_world: Whether the graph steps all worlds, and makes no list of its own.
     """
 
@@ -33,11 +35,11 @@ class CapturedLoop:
         episodes: Episodes,
         steps: int,
         turn: Callable[[], None],
-        count: Callable[[int], None],
+        count: Callable[..., None],
         *,
         every_world: bool = False,
     ):
-        self.steps = steps
+        self.steps, self.measured = steps, False
         self._every_world = every_world
         self._control, self._episodes = control, episodes
         self._count, self._layout = count, control.layout
@@ -49,11 +51,13 @@ class CapturedLoop:
         self.graph = capture.graph
 
     def __call__(self, turns: int = 1) -> None:
-        """Replay the graph; on a GPU without waiting for it.
+        """Replay the graph `turns` times; on a GPU without waiting for it.
 
         Raises:
-            InputError: An array of the control has grown since, so that the graph writes to the old one.
+            InputError: `turns` is negative, or no whole number; an array of the control has grown since, so that the
+                graph writes to the old one.
         """
+        turns = whole("turns", turns, 0)
         if self._control.layout != self._layout:
             raise InputError("an array of the control has grown since the capture; allowed: control.widen(…) before it")
         if self._every_world:
@@ -62,5 +66,5 @@ class CapturedLoop:
             wp.capture_launch(self.graph)
         if not self._every_world:
             self._episodes.complete = False
-        self._count(turns * self.steps)
+        self._count(turns * self.steps, measured=self.measured and turns > 0)
         self._episodes.at_most = self._control.model.worlds

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -248,8 +247,9 @@ class Simulation:
             if after is not None:
                 after()
 
-        counted = functools.partial(self._count, measured=readout)
-        return CapturedLoop(self.control, episodes, steps, turn, counted, every_world=every_world)
+        loop = CapturedLoop(self.control, episodes, steps, turn, self._count, every_world=every_world)
+        loop.measured, self._measured_at = readout and self._measured_at is not None, None
+        return loop
 
     def reset(
         self,

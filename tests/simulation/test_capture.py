@@ -124,3 +124,21 @@ def test_what_cannot_be_captured(device):
     sim.control.set(trap_position=np.zeros((WORLDS, 1, 3)))
     with pytest.raises(ot.InputError, match="has grown since the capture"):
         turn()
+
+
+def test_a_readout_is_of_the_present_state_also_where_worlds_have_started_anew(device):
+    sim = ot.Simulation(lossy_scene(), worlds=WORLDS, seed=31, device=device, ends=[ot.timed_out(after=0.0)])
+    for after in (lambda: sim.reset(sim.episodes.done), None):
+        turn = sim.capture(20, after=after, readout=True)
+        seen = sim.readout.trap_distance.numpy().copy()
+        assert np.array_equal(seen, sim.measure().trap_distance.numpy()), "the capture has measured nothing"
+        turn()
+        seen = sim.readout.trap_distance.numpy().copy()
+        assert np.array_equal(seen, sim.measure().trap_distance.numpy())
+
+
+@pytest.mark.parametrize("turns", [-3, 2.5, "2"])
+def test_turns_are_a_whole_number(turns, device):
+    turn = ot.Simulation(lossy_scene(), worlds=WORLDS, device=device, ends=()).capture(5)
+    with pytest.raises(ot.InputError, match=r"turns is .*; allowed: "):
+        turn(turns)
