@@ -1,6 +1,7 @@
 """Reads a velocity field on a regular grid from a file: NumPy `.npz`, netCDF `.nc`, VTK `.vti` or legacy VTK `.vtk`.
 
-Numbers are in SI units (m, m/s), but for netCDF variables whose `units` say µm or µm/s.
+Numbers are in SI units (m, m/s), but for netCDF variables whose `units` say another length, of `LENGTHS`, or that per
+second; a unit that is neither is refused.
 
 - `.npz`: `x`, `y`, `z` (places of the nodes, evenly spaced), and `u`, `v`, `w` (nx, ny, nz) or `velocity`
   (nx, ny, nz, 3).
@@ -10,6 +11,7 @@ Numbers are in SI units (m, m/s), but for netCDF variables whose `units` say µm
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -73,7 +75,30 @@ def _npz(path: Path) -> FlowGrid:
         return _from_names({name: 1e6 * np.asarray(table[name], dtype=float) for name in table.files})
 
 
-_SCALES = {"um": 1.0, "µm": 1.0, "micrometer": 1.0, "um/s": 1.0, "µm/s": 1.0, "um s-1": 1.0, "mm": 1e3, "mm/s": 1e3}
+LENGTHS = {"m": 1e6, "cm": 1e4, "mm": 1e3, "um": 1.0, "nm": 1e-3}
+"""Symbol of a length → µm."""
+
+_NAMES = {"meter": "m", "centimeter": "cm", "millimeter": "mm", "micrometer": "um", "micron": "um", "nanometer": "nm"}
+_SECOND = r"s(?:ec(?:onds?)?)?"
+_SPEED = re.compile(rf"(.+?)\s*(?:(?:/|\bper\b)\s*{_SECOND}|[ .*·]\s*{_SECOND}\s*(?:\^|\*\*)?\s*(?:-1|⁻¹))")
+
+
+def _scale(name: str, units: str) -> float:
+    """What numbers of a variable in `units` are multiplied with to be in µm or µm/s; without any they are SI.
+
+    Raises:
+        InputError: Units that are no length, or of a velocity no length per second.
+    """
+    text, place = units.strip().replace("µ", "u").replace("μ", "u"), name in "xyz"
+    if not text:
+        return LENGTHS["m"]
+    match = None if place else _SPEED.fullmatch(text)
+    length = text if place else match[1] if match else ""
+    symbol = _NAMES.get(length.lower().removesuffix("s").replace("metre", "meter"), length)
+    if symbol not in LENGTHS:
+        what = "a length" if place else "a length per second"
+        raise InputError(f"{name}: units = {units!r}: must be {what}, in {', '.join(LENGTHS)}, or none for SI")
+    return LENGTHS[symbol]
 
 
 def _netcdf(path: Path) -> FlowGrid:
@@ -85,7 +110,7 @@ def _netcdf(path: Path) -> FlowGrid:
             if name not in data.variables:
                 continue
             variable = data.variables[name]
-            values = np.ma.filled(variable[...], np.nan) * _SCALES.get(getattr(variable, "units", ""), 1e6)
+            values = np.ma.filled(variable[...], np.nan) * _scale(name, str(getattr(variable, "units", "")))
             order = [variable.dimensions.index(d) for d in "xyz" if d in variable.dimensions]
             found[name] = np.transpose(values, [*order, *(n for n in range(values.ndim) if n not in order)])
     return _from_names(found)

@@ -34,18 +34,18 @@ def parts(path: Path) -> Path:
     return path
 
 
-def netcdf(path: Path) -> Path:
-    """In µm and µm/s, as its units say, and z first, as models of the atmosphere write."""
+def netcdf(path: Path, length: str = "um", speed: str = "um/s", per_um: float = 1.0) -> Path:
+    """In µm and µm/s, or as its units say, and z first, as models of the atmosphere write."""
     with netCDF4.Dataset(path, "w") as data:
         for name, places in zip("xyz", AXES, strict=True):
             data.createDimension(name, len(places))
             variable = data.createVariable(name, "f8", (name,))
-            variable.units = "um"
-            variable[:] = 1e6 * places
+            variable.units = length
+            variable[:] = per_um * 1e6 * places
         for name, part in zip("uvw", np.moveaxis(FIELD.velocity, -1, 0), strict=True):
             variable = data.createVariable(name, "f8", ("z", "y", "x"))
-            variable.units = "um/s"
-            variable[:] = part.transpose(2, 1, 0)
+            variable.units = speed
+            variable[:] = per_um * part.transpose(2, 1, 0)
     return path
 
 
@@ -89,6 +89,40 @@ def test_every_format_holds_the_same_field(name, tmp_path):
     np.testing.assert_allclose(found.low, LOW, atol=1e-9)
     np.testing.assert_allclose(found.spacing, SPACING, rtol=1e-12)
     np.testing.assert_allclose(found.velocity, FIELD.velocity, rtol=1e-12)
+
+
+UNITS = [
+    ("", "", 1e-6),
+    ("m", "m s-1", 1e-6),
+    ("metres", "meters/second", 1e-6),
+    ("cm", "cm/s", 1e-4),
+    ("mm", "mm s^-1", 1e-3),
+    ("μm", "µm·s⁻¹", 1.0),
+    ("microns", "micron per sec", 1.0),
+    ("nm", "nm*s**-1", 1e3),
+]
+
+
+@pytest.mark.parametrize(("length", "speed", "per_um"), UNITS)
+def test_netcdf_is_in_the_units_that_it_names(length, speed, per_um, tmp_path):
+    found = read_flow_grid(netcdf(tmp_path / "field.nc", length, speed, per_um))
+    np.testing.assert_allclose(found.spacing, SPACING, rtol=1e-12)
+    np.testing.assert_allclose(found.velocity, FIELD.velocity, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("length", "speed", "message"),
+    [
+        ("furlong", "m/s", "x: units = 'furlong': must be a length, in m, cm, mm, um, nm, or none for SI"),
+        ("m/s", "m/s", "x: units = 'm/s': must be a length, in"),
+        ("um", "um", "u: units = 'um': must be a length per second, in m, cm"),
+        ("um", "um/min", "u: units = 'um/min': must be a length per second"),
+        ("Mm", "m/s", "x: units = 'Mm': must be a length"),
+    ],
+)
+def test_units_of_netcdf_that_are_not_known_are_refused(length, speed, message, tmp_path):
+    with pytest.raises(InputError, match=message):
+        read_flow_grid(netcdf(tmp_path / "field.nc", length, speed))
 
 
 def test_halfway_between_nodes_is_their_mean():
