@@ -5,7 +5,7 @@ second; a unit that is neither is refused.
 
 - `.npz`: `x`, `y`, `z` (places of the nodes, evenly spaced), and `u`, `v`, `w` (nx, ny, nz) or `velocity`
   (nx, ny, nz, 3).
-- `.nc`: variables of the same names; those of the velocity with dimensions x, y, z in any order.
+- `.nc`: variables of the same names; those of the velocity have the dimensions of x, y and z, in any order.
 - `.vti`, `.vtk`: the first point array of three components, see `vtk_file`.
 """
 
@@ -105,15 +105,35 @@ def _netcdf(path: Path) -> FlowGrid:
     import netCDF4
 
     with netCDF4.Dataset(path) as data:
-        found = {}
-        for name in (*"xyzuvw", "velocity"):
+        found, along = {}, []
+        for name in (*"xyz", *"uvw", "velocity"):
             if name not in data.variables:
                 continue
             variable = data.variables[name]
             values = np.ma.filled(variable[...], np.nan) * _scale(name, str(getattr(variable, "units", "")))
-            order = [variable.dimensions.index(d) for d in "xyz" if d in variable.dimensions]
-            found[name] = np.transpose(values, [*order, *(n for n in range(values.ndim) if n not in order)])
+            if name in "xyz":
+                along += variable.dimensions
+            else:
+                values = np.transpose(values, _order(name, variable.dimensions, along))
+            found[name] = values
     return _from_names(found)
+
+
+def _order(name: str, dimensions: tuple[str, ...], along: list[str]) -> list[int]:
+    """Which dimensions of a variable are those of x, y and z, and behind them the others.
+
+    Raises:
+        InputError: It lacks one of them: lengths alone would not tell which of its dimensions is which.
+    """
+    if len(set(along)) < len(along):  # one dimension for several axes: they stand in their own order
+        return list(range(len(dimensions)))
+    if missing := [one for one in along if one not in dimensions]:
+        raise InputError(
+            f"{name} has dimensions {', '.join(dimensions)}: must have those of x, y and z, {', '.join(along)}; "
+            f"{missing[0]} is missing"
+        )
+    order = [dimensions.index(one) for one in along]
+    return [*order, *(n for n in range(len(dimensions)) if n not in order)]
 
 
 def _vtk(read: Callable[[Path], Field]) -> Callable[[Path], FlowGrid]:

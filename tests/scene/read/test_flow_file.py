@@ -125,6 +125,31 @@ def test_units_of_netcdf_that_are_not_known_are_refused(length, speed, message, 
         read_flow_grid(netcdf(tmp_path / "field.nc", length, speed))
 
 
+def cube(path: Path, velocity: tuple[str, ...]) -> Path:
+    """A field whose u grows along x alone, on as many nodes along each axis; dimensions i, j, k belong to x, y, z."""
+    with netCDF4.Dataset(path, "w") as data:
+        for name, dimension in zip("xyz", "ijk", strict=True):
+            data.createDimension(dimension, 3)
+            data.createVariable(name, "f8", (dimension,))[:] = 1e-6 * np.arange(3)
+        data.createDimension("other", 3)
+        for name in "uvw":
+            along_x = np.arange(3.0) if name == "u" else np.zeros(3)
+            shape = [3 if d == "i" else 1 for d in velocity]
+            data.createVariable(name, "f8", velocity)[:] = np.broadcast_to(along_x.reshape(shape), (3, 3, 3))
+    return path
+
+
+@pytest.mark.parametrize("velocity", [("i", "j", "k"), ("k", "j", "i"), ("j", "i", "k")])
+def test_dimensions_of_netcdf_are_told_apart_by_those_of_the_places(velocity, tmp_path):
+    found = read_flow_grid(cube(tmp_path / "field.nc", velocity)).velocity
+    assert np.ptp(found[..., 0], axis=0).min() == 2e6 and not np.ptp(found[..., 0], axis=(1, 2)).any()
+
+
+def test_a_dimension_of_netcdf_that_no_place_has_is_refused(tmp_path):
+    with pytest.raises(InputError, match="u has dimensions other, j, i: must have those of x, y and z, i, j, k; k is"):
+        read_flow_grid(cube(tmp_path / "field.nc", ("other", "j", "i")))
+
+
 def test_halfway_between_nodes_is_their_mean():
     middle = np.array(LOW) + 0.5 * np.array(SPACING)
     np.testing.assert_allclose(FIELD.at(middle[None])[0], FIELD.velocity[:2, :2, :2].mean(axis=(0, 1, 2)))
