@@ -34,7 +34,10 @@ def read_image_data(path: Path) -> Field:
     image = root.find("ImageData")
     if image is None or image.get("Direction", _ALONG).split() != _ALONG.split():
         raise InputError("no ImageData along the axes: must be VTK image data without a Direction of its own")
-    piece = image.find("Piece")
+    pieces = image.findall("Piece")
+    if len(pieces) > 1:
+        raise InputError(f"{len(pieces)} pieces: must be one that holds all nodes")
+    piece = pieces[0] if pieces else None
     arrays = [] if piece is None else [a for a in piece.iterfind("PointData/DataArray")]
     array = next((a for a in arrays if a.get("NumberOfComponents") == "3"), None)
     if piece is None or array is None:
@@ -172,7 +175,7 @@ def _legacy_field(text: _LegacyText) -> Field:
         elif key == "FIELD":  # of the dataset as a whole, such as its time
             _field_vectors(text, int(words[2]), -1)
         elif key in ("POINT_DATA", "CELL_DATA"):
-            numbers = _vectors(text, int(words[1])) if key == "POINT_DATA" else None
+            numbers = _of_points(text, words)
             break
         elif key != "DATASET":
             raise InputError(f"line {text.last!r}: must be what a {' or '.join(GRIDS)} begins with")
@@ -190,16 +193,28 @@ def _legacy_field(text: _LegacyText) -> Field:
     return axes, _on_nodes(numbers, count)
 
 
-def _vectors(text: _LegacyText, points: int) -> np.ndarray | None:
-    """Numbers of the first array of three components that is no normal, None without one."""
+def _of_points(text: _LegacyText, words: list[str]) -> np.ndarray | None:
+    """Numbers of the first array of three components that points have; VTK writes those of cells first."""
+    while words:
+        wanted = words[0].upper() == "POINT_DATA"
+        found, words = _vectors(text, int(words[1]), wanted=wanted)
+        if found is not None:
+            return found
+    return None
+
+
+def _vectors(text: _LegacyText, count: int, *, wanted: bool) -> tuple[np.ndarray | None, list[str]]:
+    """Numbers of the first array of three components that is no normal, None without one or where none is wanted, and
+    the line at which the next data begin.
+    """
     while words := text.words():
         key = words[0].upper()
         if key in ("CELL_DATA", "POINT_DATA"):
             break
         if key == "FIELD":
-            found = _field_vectors(text, int(words[2]), points)
+            found = _field_vectors(text, int(words[2]), count if wanted else -1)
             if found is not None:
-                return found
+                return found, []
             continue
         if key in _TUPLES:
             width, kind = _TUPLES[key], words[2]
@@ -214,11 +229,11 @@ def _vectors(text: _LegacyText, points: int) -> np.ndarray | None:
             text.numbers(4 * int(words[2]), "unsigned_char")
             continue
         else:
-            raise InputError(f"line {text.last!r}: must be an attribute of points")
-        values = text.numbers(width * points, kind)
-        if key in ("VECTORS", "SCALARS") and width == 3:
-            return values
-    return None
+            raise InputError(f"line {text.last!r}: must be an attribute of {'points' if wanted else 'cells'}")
+        values = text.numbers(width * count, kind)
+        if wanted and key in ("VECTORS", "SCALARS") and width == 3:
+            return values, []
+    return None, words
 
 
 def _field_vectors(text: _LegacyText, arrays: int, points: int) -> np.ndarray | None:

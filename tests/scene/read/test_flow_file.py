@@ -125,6 +125,14 @@ def test_units_of_netcdf_that_are_not_known_are_refused(length, speed, message, 
         read_flow_grid(netcdf(tmp_path / "field.nc", length, speed))
 
 
+def test_image_data_in_pieces_is_refused(tmp_path):
+    text = vti(tmp_path / "whole.vti", "ascii").read_text()
+    piece = text[text.index("<Piece") : text.index("</ImageData>")]
+    (tmp_path / "two.vti").write_text(text.replace(piece, 2 * piece))
+    with pytest.raises(InputError, match="2 pieces: must be one that holds all nodes"):
+        read_flow_grid(tmp_path / "two.vti")
+
+
 def cube(path: Path, velocity: tuple[str, ...]) -> Path:
     """A field whose u grows along x alone, on as many nodes along each axis; dimensions i, j, k belong to x, y, z."""
     with netCDF4.Dataset(path, "w") as data:

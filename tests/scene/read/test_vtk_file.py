@@ -49,6 +49,19 @@ def test_whatever_stands_before_the_velocity(tmp_path):
     np.testing.assert_allclose((*found.low, *found.spacing), (-10.0, 0.0, 2.0, 2.0, 4.0, 0.5), rtol=1e-12)
 
 
+def test_cells_may_come_before_points(tmp_path):
+    """As VTK itself writes a grid that has data of both."""
+    cells = "CELL_DATA 2\nSCALARS p float\nLOOKUP_TABLE default\n1 2\nVECTORS c float\n9 9 9 9 9 9\n"
+    cells += "FIELD f 1\nd 3 2 float\n8 8 8 8 8 8\n"
+    (tmp_path / "a.vtk").write_text(TEXT.replace("POINT_DATA", cells + "POINT_DATA"))
+    np.testing.assert_array_equal(
+        read_flow_grid(tmp_path / "a.vtk").velocity, read_flow_grid(DATA / "rectilinear_text.vtk").velocity
+    )
+    (tmp_path / "b.vtk").write_text(TEXT[: TEXT.index("POINT_DATA")] + cells)
+    with pytest.raises(InputError, match="no point array of three components"):
+        read_flow_grid(tmp_path / "b.vtk")
+
+
 BAD = {
     "no vtk": (TEXT[1:], r"first line = ' vtk DataFile Version 5.1': must be '# vtk DataFile Version"),
     "no format": (TEXT.replace("ASCII", "asciii"), "third line = 'ASCIII': must be ASCII or BINARY"),
