@@ -11,7 +11,7 @@ from typing import Any
 
 from pxr import Usd
 
-from otwarp.scene.read.typed import REQUIRED, Values, authored_text, check_types
+from otwarp.scene.read.typed import REQUIRED, SAMPLED, SPLINE, Values, authored_text, check_types, course_text
 from otwarp.scene.vocabulary import SCHEMAS, Attribute, Schema
 from otwarp.scene.vocabulary.attribute import INSTANCE
 from otwarp.scene.vocabulary.values import bad, check, to_field
@@ -64,8 +64,11 @@ def _suggest(name: str, known: Any) -> str:
 
 def _check_type(file: str, prop: Usd.Property, attribute: Attribute) -> None:
     check_types(file, prop, (attribute.usd_type,), attribute.range_text())
-    if isinstance(prop, Usd.Attribute) and not attribute.sampled and prop.GetNumTimeSamples() > 0:
-        raise bad(file, prop.GetPrim().GetPath(), prop.GetName(), "(time samples)", "constant in time")
+    course = course_text(prop) if isinstance(prop, Usd.Attribute) else ""
+    if course and not attribute.sampled:
+        raise bad(file, prop.GetPrim().GetPath(), prop.GetName(), course, "constant in time")
+    if course == SPLINE:
+        raise bad(file, prop.GetPrim().GetPath(), prop.GetName(), course, SAMPLED)
 
 
 def read_values(

@@ -13,6 +13,7 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from otwarp.scene.read.source import Source
+from otwarp.scene.read.typed import SAMPLED, SPLINE
 from otwarp.scene.transforms import continuous, decompose
 
 LARGEST_TURN = 10.0
@@ -40,9 +41,9 @@ def motion(source: Source, prim: Usd.Prim) -> tuple[np.ndarray, np.ndarray, np.n
         scales [µm per local unit] (n, 3). n = 1 for a prim without time samples.
 
     Raises:
-        InputError: A transform that is not finite, has shear, or a scale of zero.
+        InputError: A transform that follows a spline, is not finite, has shear, or a scale of zero.
     """
-    ops, codes = _sampled_ops(prim)
+    ops, codes = _sampled_ops(source, prim)
     if len(codes) < 2:
         codes = codes or [source.start]
         poses = source.split(prim, source.matrices(prim, codes))
@@ -101,13 +102,19 @@ def _off(poses: tuple[np.ndarray, ...], between: tuple[np.ndarray, ...], left: n
     return (chord > CHORD) | (np.abs(mean - same).max(axis=1) > TURN_ERROR)
 
 
-def _sampled_ops(prim: Usd.Prim) -> tuple[list[UsdGeom.XformOp], list[float]]:
-    """Transform ops with time samples that act on a prim, ancestors included, and the sorted time codes of all."""
+def _sampled_ops(source: Source, prim: Usd.Prim) -> tuple[list[UsdGeom.XformOp], list[float]]:
+    """Transform ops with time samples that act on a prim, ancestors included, and the sorted time codes of all.
+
+    Raises:
+        InputError: One that follows a spline.
+    """
     ops, codes = [], set()
     while prim and not prim.IsPseudoRoot():
         xformable = UsdGeom.Xformable(prim)
         if xformable:
             for op in xformable.GetOrderedXformOps():
+                if op.GetAttr().HasSpline():
+                    raise source.bad(prim, op.GetAttr().GetName(), SPLINE, SAMPLED)
                 if samples := op.GetTimeSamples():
                     ops.append(op)
                     codes.update(samples)

@@ -26,6 +26,12 @@ REQUIRED: Any = object()
 LARGEST = 1e30
 """Largest number of geometry, in stage units: products along a path of prims must not overflow."""
 
+SPLINE = "(a spline)"
+"""What `course_text` says of an attribute that follows one; it has no time samples, and would count as constant."""
+
+SAMPLED = "a value, or time samples, such as those of the spline at every frame"
+"""What is allowed where a spline is not."""
+
 _QUATERNIONS = (Gf.Quatd, Gf.Quatf, Gf.Quath)
 _RESET, _INVERSE = "!resetXformStack!", "!invert!"
 _OPS = {
@@ -71,7 +77,7 @@ class Values:
             absent: What stands for a value that is nowhere authored, has no fallback or is blocked; by default that is
                 refused.
             time: Time code, by default that of these values.
-            constant: Refuse time samples.
+            constant: Refuse time samples and splines.
             allowed: What else to say of the values that it may have.
 
         Raises:
@@ -79,8 +85,8 @@ class Values:
                 not know.
         """
         attribute, types = self._declared(prim, name, types, allowed)
-        if constant and attribute and attribute.GetNumTimeSamples() > 0:
-            raise self.bad(prim, name, "(time samples)", "constant in time")
+        if constant and attribute and (course := course_text(attribute)):
+            raise self.bad(prim, name, course, "constant in time")
         found = None
         if attribute and not attribute.GetResolveInfo().ValueIsBlocked():
             found = self._get(attribute, types, self.time if time is None else time, allowed)
@@ -176,6 +182,11 @@ class Values:
             numbers = self._finite(prim, name, value)
             if kind == "orient" and not numbers.any():
                 raise self.bad(prim, name, value, "a quaternion that is not zero")
+
+
+def course_text(attribute: Usd.Attribute) -> str:
+    """How an attribute changes in time, as a value to be refused; empty for one that is constant."""
+    return SPLINE if attribute.HasSpline() else "(time samples)" if attribute.GetNumTimeSamples() > 0 else ""
 
 
 def _components(turn: Any) -> np.ndarray:

@@ -167,3 +167,37 @@ def calls_get(path: Path) -> bool:
 
 def test_there_is_one_door() -> None:
     assert [path for path in sorted(PACKAGE.rglob("*.py")) if calls_get(path)] == [UNUSED, DOOR]
+
+
+SPLINE = ".spline = { 0: 1; post linear, 60: 2; post linear, }"
+SLIDE = f'double xformOp:translateX{SPLINE}\n        uniform token[] xformOpOrder = ["xformOp:translateX"]'
+MOVING = (
+    "double3 xformOp:translate.timeSamples = { 0: (0, 0, 5), 60: (6, 0, 5) }\n"
+    '        uniform token[] xformOpOrder = ["xformOp:translate"]'
+)
+FOLLOWED = {
+    "power": ((POWER, f"double ot:trap:power{SPLINE}"), "Trap: ot:trap:power = .a spline.: must be a value, or time"),
+    "aperture": (
+        ("double ot:trap:numericalAperture = 1.2", f"double ot:trap:numericalAperture{SPLINE}"),
+        "Trap: ot:trap:numericalAperture = .a spline.: must be constant in time",
+    ),
+    "radius": ((RADIUS, f"double radius{SPLINE}"), "Cell: radius = .a spline.: must be constant in time"),
+    "trap": ((MOVING, SLIDE), "Trap: xformOp:translateX = .a spline.: must be a value, or time samples"),
+    "above an obstacle": (
+        ('def Xform "World" (prepend apiSchemas = ["OtSceneAPI"])\n{', 'def Xform "World" (prepend apiSchemas = '
+         f'["OtSceneAPI"])\n{{\n{SLIDE}'),
+        "World: xformOp:translateX = .a spline.: must be a value, or time samples",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", FOLLOWED)
+def test_a_spline_is_refused_and_not_taken_for_a_constant(case: str, stage_file: StageFile) -> None:
+    change, message = FOLLOWED[case]
+    with pytest.raises(InputError, match=message):
+        stage_file.load(change)
+
+
+def test_a_spline_of_a_body_is_remarked_as_its_time_samples_are(stage_file: StageFile) -> None:
+    remarks = stage_file.load((ORDER, SLIDE)).remarks
+    assert any("/World/Cell" in str(r) and "only the place at the start counts" in str(r) for r in remarks)
