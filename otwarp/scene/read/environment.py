@@ -50,13 +50,13 @@ def read_flow(source: Source, prims: Sequence[Usd.Prim]) -> Flow | None:
     """The background flow, if any.
 
     Raises:
-        InputError: More than one, or a velocity field that cannot be read.
+        InputError: More than one, a mirrored one, or a velocity field that cannot be read.
     """
     prim = _at_most_one(source, prims, "OtFlowAPI")
     if prim is None:
         return None
     values = read_values(source.file, prim, vocabulary.FLOW)
-    position, rotation, _ = source.pose(prim)
+    position, rotation = _placed(source, prim)
     field = None
     if values["kind"] == "grid" and values["file"]:
         asset = source.values.value(prim, "ot:flow:file", types=("asset",))
@@ -71,14 +71,14 @@ def read_camera(source: Source, prims: Sequence[Usd.Prim]) -> Camera | None:
     """The microscope, if any.
 
     Raises:
-        InputError: More than one, or not on a Camera.
+        InputError: More than one, a mirrored one, or not on a Camera.
     """
     prim = _at_most_one(source, prims, "OtCameraAPI")
     if prim is None:
         return None
     if not prim.IsA(UsdGeom.Camera):
         raise source.bad(prim, "apiSchemas", "OtCameraAPI", f"on a Camera, not a {prim.GetTypeName()}")
-    position, rotation, _ = source.pose(prim)
+    position, rotation = _placed(source, prim)
     turn = quat(rotation)
     center = rotate(conjugate(np.array(turn)), np.array(position))
     lens = check_lens(source.values, prim)
@@ -105,6 +105,21 @@ def read_goal(source: Source, prims: Sequence[Usd.Prim]) -> Goal | None:
     if len(named) != 1:
         raise source.bad(prim, "ot:goal:cell", ", ".join(named) or "(no target)", DELIVERED)
     return Goal(prim=str(prim.GetPath()), position=vec3(source.pose(prim)[0]), **values | {"cell": named[0]})
+
+
+def _placed(source: Source, prim: Usd.Prim) -> tuple[np.ndarray, np.ndarray]:
+    """Position (3,) and quaternion (4,) of a prim at the start, whose size does not matter.
+
+    Raises:
+        InputError: A reflection, of which no rotation is left: the prim's axes would point elsewhere.
+    """
+    position, rotation, scale = source.pose(prim)
+    if np.prod(scale) < 0.0:
+        shown = ", ".join(f"{s / source.unit:g}" for s in scale)
+        raise source.bad(
+            prim, "xformOp:scale", f"({shown}), mirrored", "no reflection of the prim or above it; turn it"
+        )
+    return position, rotation
 
 
 def _at_most_one(source: Source, prims: Sequence[Usd.Prim], schema: str) -> Usd.Prim | None:

@@ -266,6 +266,20 @@ def test_a_slip_is_told_and_its_neighbour_is_not(name: str, stage_file: StageFil
     assert said(stage_file.load(*good, text=GOOD)) == []
 
 
+FLOW = 'token ot:flow:kind = "poiseuille"'
+
+
+def scaled(scale: str) -> str:
+    """A scale of a prim, and its order of ops."""
+    return f'float3 xformOp:scale = {scale}\n        uniform token[] xformOpOrder = ["xformOp:scale"]\n'
+
+
+def microscope(scale: str) -> Changes:
+    """One under a scale."""
+    camera = f'    def Camera "Odd" (prepend apiSchemas = ["OtCameraAPI"])\n    {{\n        {scaled(scale)}    }}\n\n'
+    return [(BLOCK, BLOCK + camera)]
+
+
 REFUSED: dict[str, tuple[Changes, str, Changes]] = {
     "mirrored robot": (
         [
@@ -285,6 +299,16 @@ REFUSED: dict[str, tuple[Changes, str, Changes]] = {
                 ).replace('"]', '", "xformOp:scale"]'),
             )
         ],
+    ),
+    "mirrored flow": (
+        [(FLOW, scaled("(-1, 1, 1)") + FLOW)],
+        r"/World/Flow: xformOp:scale = \(-1, 1, 1\), mirrored: must be no reflection of the prim or above it; turn it",
+        [(FLOW, scaled("(-1, -1, 1)") + FLOW)],
+    ),
+    "mirrored microscope": (
+        microscope("(1, 1, -1)"),
+        r"/World/Odd: xformOp:scale = \(.*\), mirrored: must be no reflection",
+        microscope("(2, 2, 2)"),
     ),
     "op that is not there": (
         [(ROBOT_OPS, ROBOT_OPS.replace('"]', '", "xformOp:rotateX"]'))],
