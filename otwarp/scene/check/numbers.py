@@ -13,6 +13,9 @@ from otwarp.scene.vocabulary.values import bad
 FARTHEST = 1e9
 """Largest coordinate of anything in a scene [µm]; single precision is coarser than 60 µm there."""
 
+SMALLEST = 1e-30
+"""Least size of anything but nothing [µm]: mobilities, and products of some, must not overflow."""
+
 TURN_TOLERANCE = 0.01
 """How far the length of a quaternion may be from 1: written by hand, with few digits."""
 
@@ -56,8 +59,8 @@ def check_turns(where: str, prims: list[str], name: str, values: np.ndarray) -> 
 
 def check_length(where: str, prim: str, name: str, value: Any, *, zero: bool = False) -> None:
     """Refuse what is no size [µm]."""
-    if not is_number(value) or not (0.0 < value <= FARTHEST or (zero and value == 0.0)):
-        raise bad(where, prim, name, repr(value), f"in {'[' if zero else '('}0, {FARTHEST:g}] µm")
+    if not is_number(value) or not (SMALLEST <= value <= FARTHEST or (zero and value == 0.0)):
+        raise bad(where, prim, name, repr(value), f"{'0 or ' if zero else ''}in [{SMALLEST:g}, {FARTHEST:g}] µm")
 
 
 def check_track(where: str, prim: str, name: str, given: Any, width: int) -> None:

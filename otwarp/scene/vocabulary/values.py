@@ -14,6 +14,9 @@ from otwarp.errors import InputError
 from otwarp.scene.vocabulary.attribute import Attribute
 from otwarp.units import FROM_SI
 
+SMALLEST, LARGEST = 1e-60, 1e60
+"""Sizes of authored numbers but 0 and inf: products and quotients of several must neither overflow nor vanish."""
+
 _EXPONENT = {dimension: round(math.log10(factor)) for dimension, factor in FROM_SI.items()}
 
 
@@ -79,3 +82,8 @@ def check(file: str, prim: object, name: str, attribute: Attribute, value: Any) 
     """
     if not attribute.allows(value):
         raise bad(file, prim, name, value, attribute.allowed_text())
+    several = attribute.vector or attribute.usd_type == "double[]"
+    numbers = value if several else (value,) if attribute.usd_type == "double" else ()
+    if any(n != 0.0 and math.isfinite(n) and not SMALLEST <= abs(n) <= LARGEST for n in numbers):
+        sizes = f"of a size from {SMALLEST:g} to {LARGEST:g} where it is neither 0 nor inf"
+        raise bad(file, prim, name, value, f"{attribute.allowed_text()}, {sizes}")

@@ -79,11 +79,20 @@ CASES: dict[str, tuple[list[tuple[str, str]], str]] = {
         r"/World/Trap: ot:trapLaw:isotropic:stiffness = inf: must be in \[0, inf\) forceUnit/lengthUnit",
     ),
     "unit of a law that no number holds": (
-        [
-            ("isotropic:lengthUnit = 1e-6", "isotropic:lengthUnit = 1e300"),
-            ("isotropic:forceUnit = 1e-12", "isotropic:forceUnit = 1\n double ot:trapLaw:isotropic:inverseSquare = 1"),
-        ],
-        r"/World/Trap: ot:trapLaw:isotropic:inverseSquare = inf: must be in \(-inf, inf\) forceUnit·lengthUnit²",
+        [("isotropic:lengthUnit = 1e-6", "isotropic:lengthUnit = 1e300")],
+        r"ot:trapLaw:isotropic:lengthUnit = 1e\+300: must be in \(0, inf\) m, of a size from 1e-60 to 1e\+60",
+    ),
+    "viscosity that vanishes": (
+        [("double ot:medium:refractiveIndex = 1.33", "double ot:medium:viscosity = 1e-300")],
+        r"/World: ot:medium:viscosity = 1e-300: must be in \(0, 1000\] Pa·s, of a size from 1e-60 to 1e\+60 where it",
+    ),
+    "curve that ends in nothing": (
+        [("isotropic:lengthUnit = 1e-6", "isotropic:lengthUnit = 1e-6\n double ot:trapLaw:isotropic:cutoff = 1e-300")],
+        r"ot:trapLaw:isotropic:cutoff = 1e-300: must be in \(0, inf\] lengthUnit, of a size from 1e-60 to 1e\+60",
+    ),
+    "stage unit that vanishes": (
+        [("metersPerUnit = 1e-6", "metersPerUnit = 1e-300")],
+        r"radius = .*e-294: must be in \[1e-30, 1e\+09\] µm",
     ),
     "sampled constant": (
         [("wavelength = 1.064e-6", "wavelength.timeSamples = { 0: 1e-6, 60: 1.1e-6 }")],
