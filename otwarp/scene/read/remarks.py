@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 
-from pxr import Usd, UsdGeom
+import numpy as np
+from pxr import Pcp, Usd, UsdGeom
 
 from otwarp.scene.finding import Finding
 from otwarp.scene.read.source import Source
 
 _INVERSE = "!invert!"
+_ARCS = (Pcp.ArcTypeReference, Pcp.ArcTypePayload)
+_UNITS_ALIKE = 0.01
+"""Relative difference of a scale from the ratio of two units that still is a conversion."""
+
 _TURNS = ("quatd", "quatf", "quath")
 
 
@@ -22,6 +28,7 @@ def remarks(source: Source, placed: Iterable[Usd.Prim]) -> Iterator[Finding]:
     """
     for prim in Usd.PrimRange(source.stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
         yield from _unlisted(source, prim)
+        yield from _of_another_unit(source, prim)
     for prim in placed:
         yield from _played(prim)
 
@@ -38,6 +45,29 @@ def _unlisted(source: Source, prim: Usd.Prim) -> Iterator[Finding]:
     idle = [a.GetName() for a in unlisted if not _turns_nothing(source, prim, a)]
     if idle:
         message = f"{', '.join(idle)} has no effect: xformOpOrder does not name it"
+        yield Finding(prim=str(prim.GetPath()), message=message)
+
+
+def _of_another_unit(source: Source, prim: Usd.Prim) -> Iterator[Finding]:
+    """References and payloads to files of another length unit, which USD does not convert and no scale here does."""
+    if prim.IsInstanceProxy() or not (prim.HasAuthoredReferences() or prim.HasAuthoredPayloads()):
+        return
+    stage_unit = UsdGeom.GetStageMetersPerUnit(source.stage)
+    around = np.linalg.norm(source.matrix(prim)[:3, :3], axis=1)
+    above = np.linalg.norm(source.matrix(prim.GetParent())[:3, :3], axis=1)
+    for arc in Usd.PrimCompositionQuery(prim).GetCompositionArcs():
+        layer = arc.GetTargetLayer()
+        if arc.GetArcType() not in _ARCS or arc.IsAncestral() or not layer.pseudoRoot.HasInfo("metersPerUnit"):
+            continue
+        unit = layer.pseudoRoot.GetInfo("metersPerUnit")
+        wanted = unit / stage_unit
+        scales = (np.ones(3), around, around / above)  # the same unit needs none
+        if any(np.allclose(scale, wanted, rtol=_UNITS_ALIKE, atol=0.0) for scale in scales):
+            continue
+        message = (
+            f"{Path(layer.realPath).name} has metersPerUnit = {unit:g}, this stage {stage_unit:g}, and USD does not "
+            f"convert: its numbers count in units of the stage; scale the prim by {wanted:g}"
+        )
         yield Finding(prim=str(prim.GetPath()), message=message)
 
 
