@@ -119,6 +119,10 @@ class ShardedSimulation:
     def __init__(self, scene: Scene, *, devices: Sequence[str | wp.Device], worlds: int, **options: Any):
         if isinstance(devices, str) or not isinstance(devices, Sequence) or not len(devices):
             raise InputError(f"devices is {devices!r}; allowed: a list of one or more, such as ['cuda:0', 'cuda:1']")
+        if own := sorted({"part", "device"} & set(options)):
+            raise InputError(
+                f"{own[0]} is {options[own[0]]!r}; allowed: none, each of the devices has a part of its own"
+            )
         self.worlds = whole("worlds", worlds, len(devices))
         edges = [self.worlds * n // len(devices) for n in range(len(devices) + 1)]
         self.parts = [slice(*pair) for pair in itertools.pairwise(edges)]

@@ -144,6 +144,8 @@ def test_one_gpu_is_waited_for_by_one_thread(device):
         ({"devices": []}, r"devices is \[\]; allowed: a list"),
         ({"devices": None}, "devices is None; allowed: a list"),
         ({"worlds": 1}, "worlds is 1; allowed: 2 or more"),
+        ({"part": (0, 1)}, r"part is \(0, 1\); allowed: none, each of the devices has a part of its own"),
+        ({"device": "cpu"}, "device is 'cpu'; allowed: none"),
     ],
 )
 def test_what_cannot_be_shared_out(change, says, device):
