@@ -147,6 +147,8 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         missing = {"scene", "digest", "duration", "worlds", "seed", "time_step", "step"} - set(about)
         if missing:
             raise KeyError(*sorted(missing))
+        if not isinstance(about["step"], int) or about["step"] < 0:
+            raise ValueError(f"its step is {about['step']}, and must be a whole number, 0 or more")
     except InputError:
         raise
     except OSError as error:
@@ -210,7 +212,7 @@ def _fill(sim: Stepped, stored: Mapping[str, np.ndarray], path: Path) -> None:
     """Put the arrays of a checkpoint into a simulation.
 
     Raises:
-        InputError: One is missing, or of another shape.
+        InputError: One is missing, of another shape, or a pose that is none.
     """
     for name in ("trap_position", "trap_power"):
         # commands that had come to differ from world to world need their rows back
@@ -222,4 +224,7 @@ def _fill(sim: Stepped, stored: Mapping[str, np.ndarray], path: Path) -> None:
             continue
         if name not in stored or stored[name].shape[: array.ndim] != array.shape:
             raise InputError(f"{path} is not a readable otwarp checkpoint: its array {name} is missing or misshapen")
+        # bodies with a fault keep their last good pose, so that no run has saved any other
+        if name in ("state.position", "state.orientation") and not np.isfinite(stored[name]).all():
+            raise InputError(f"{path} is not a readable otwarp checkpoint: its array {name} has numbers that are none")
         array.assign(stored[name])

@@ -111,6 +111,19 @@ def test_good_checkpoint_restores(saved):
     assert not list(saved.parent.glob("*.tmp"))
 
 
+@pytest.mark.parametrize("step", [-5, 1.5, "5", None])
+def test_a_checkpoint_of_no_step_is_refused(step, saved):
+    rewrite(saved, about={"step": step})
+    check_refused(saved, f"not a readable otwarp checkpoint: its step is {step}, and must be a whole number, 0 or more")
+
+
+def test_a_checkpoint_of_a_pose_that_is_none_is_refused(saved):
+    with np.load(saved) as file:
+        place = file["state.position"]
+    rewrite(saved, **{"state.position": np.full_like(place, np.nan)})
+    check_refused(saved, "its array state.position has numbers that are none")
+
+
 def test_a_checkpoint_from_before_bodies_had_forces_goes_on(device):
     """In what steps of it are to the last bit processors differ, so that only where it starts is compared."""
     with np.load(OLD) as file:
