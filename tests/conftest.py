@@ -38,6 +38,7 @@ THOROUGH = (
     "envs/test_observe.py",
     "envs/test_ot_gym.py",
     "envs/test_pettingzoo.py",
+    "envs/test_record_video.py",
     "envs/test_single.py",
     "envs/test_tasks.py",
     "envs/test_terms.py",

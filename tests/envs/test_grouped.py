@@ -235,7 +235,6 @@ def test_refused_actions_and_steps_change_nothing(file):
         one.step(action)
 
 
-@pytest.mark.quick
 def test_refused_options_of_a_reset_change_nothing(file):
     task = task_in(file, randomise={RADIUS: RADII}, time_limit=0.1, goal=FAR)
     env, other = (GroupedEnv(task, device="cpu") for _ in range(2))
