@@ -84,10 +84,12 @@ def test_threads_look_for_themselves_where_times_differ(changed):
     assert make_step(features).phases.look is None
 
 
-def test_phases_of_float64_follow_those_of_float32(device):
-    """Their kernels, and what holds them, are other ones of the same source."""
-    narrow = stepped_as("phases", device)
-    wide = Simulation(touching_scene(), worlds=WORLDS, seed=31, device=device, precision="float64")
+@pytest.mark.parametrize("name", ["touching", "cell_delivery"])
+def test_phases_of_float64_follow_those_of_float32(name, device):
+    """Their kernels, and what holds them, are other ones of the same source; traps and gates of the second move."""
+    scene = touching_scene() if name == "touching" else Scene.load(shipped("scenes", name))
+    narrow = stepped_as("phases", device, scene)
+    wide = Simulation(scene, worlds=WORLDS, seed=31, device=device, precision="float64")
     step = kernel_module("step", "float64").make_step(
         dataclasses.replace(wide.model.features, cached=False, phased=True, team=1)
     )
