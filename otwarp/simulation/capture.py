@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import warp as wp
 
@@ -10,6 +11,29 @@ from otwarp.errors import InputError
 from otwarp.simulation.episodes import Episodes
 from otwarp.simulation.packing.arguments import whole
 from otwarp.simulation.state import Control
+
+MOST_STEPS = 100_000
+"""Time steps of one turn that are never too many: as many as a period of an environment may have."""
+
+MOST_LAUNCHES = 10_000
+"""Launches of one turn where each takes many steps: on a CPU they take some seconds to record and 0.2 GB."""
+
+
+def steps_of_turn(steps: Any, captured_steps: int) -> int:
+    """Time steps of one turn, no more than a graph should hold, as each launch is recorded by itself.
+
+    Args:
+        steps: As the user gave them.
+        captured_steps: Steps that one launch in the graph takes.
+
+    Raises:
+        InputError: No whole number, below 1, or too many.
+    """
+    steps = whole("steps", steps, 1)
+    most = max(MOST_STEPS, MOST_LAUNCHES * captured_steps)
+    if steps > most:
+        raise InputError(f"steps is {steps}; allowed: 1 to {most} a turn, which is then repeated: loop(turns)")
+    return steps
 
 
 class CapturedLoop:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from otwarp.errors import InputError
 from otwarp.kernels.core.precision import kernel_module
 from otwarp.scene import Scene
-from otwarp.simulation.capture import CapturedLoop
+from otwarp.simulation.capture import CapturedLoop, steps_of_turn
 from otwarp.simulation.drivers.block_stepper import BlockStepper
 from otwarp.simulation.drivers.compilation import load_kernels
 from otwarp.simulation.drivers.grid_phases_stepper import GridPhasesStepper
@@ -212,7 +212,7 @@ class Simulation:
         """Record `before`, `steps` steps, the readout if it is wanted, and `after` as one graph: nothing moves yet.
 
         Args:
-            steps: Time steps of one turn, at least 1.
+            steps: Time steps of one turn, 1 to 100,000, or more where one launch takes many: turns are for repeating.
             before: Launches what writes the commands, in place: `control.trap_position`, `control.trap_power`; arrays
                 that are to differ from world to world are `control.widen`ed first. Or tensors of torch, `wp.to_torch`
                 of these arrays, are written between the turns.
@@ -224,15 +224,15 @@ class Simulation:
                 `otwarp.kernels.drivers.episodes` in a kernel of its own, of the worlds whose `done` is 0.
 
         Raises:
-            InputError: The simulation was made without `ends`, so that its clock is the host's; or with some, for which
-                `settle` would have to look.
+            InputError: Too many steps; the simulation was made without `ends`, so that its clock is the host's; or with
+                some, for which `settle` would have to look.
 
         Example:
             >>> sim = ot.Simulation(scene, worlds=4096, ends=[ot.timed_out(after=0.5)])
             >>> turn = sim.capture(20, after=lambda: sim.reset(sim.episodes.done))
             >>> turn(1000)
         """
-        episodes, steps = self.episodes, whole("steps", steps, 1)
+        episodes, steps = self.episodes, steps_of_turn(steps, self._stepper.captured_steps)
         if episodes.ends and not settle:
             raise InputError("settle is False; allowed: with ends=(), else True")
         load_kernels((*episodes.kernels, *self._step.kernels), self.model.device)

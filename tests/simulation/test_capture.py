@@ -7,6 +7,7 @@ import pytest
 import warp as wp
 
 import otwarp as ot
+from otwarp.simulation.capture import steps_of_turn
 from tests.simulation.test_episodes import WORLDS, lossy_scene
 
 
@@ -120,6 +121,8 @@ def test_what_cannot_be_captured(device):
     sim = ot.Simulation(lossy_scene(), worlds=WORLDS, device=device, ends=())
     with pytest.raises(ot.InputError, match="steps is 0; allowed: 1 or more"):
         sim.capture(0)
+    with pytest.raises(ot.InputError, match=r"steps is 10000000000; allowed: 1 to \d+ a turn.*loop\(turns\)$"):
+        sim.capture(10**10)
     turn = sim.capture(5)
     sim.control.set(trap_position=np.zeros((WORLDS, 1, 3)))
     with pytest.raises(ot.InputError, match="has grown since the capture"):
@@ -135,6 +138,13 @@ def test_a_readout_is_of_the_present_state_also_where_worlds_have_started_anew(d
         turn()
         seen = sim.readout.trap_distance.numpy().copy()
         assert np.array_equal(seen, sim.measure().trap_distance.numpy())
+
+
+@pytest.mark.parametrize(("captured", "most"), [(1, 100_000), (20_000, 200_000_000)])
+def test_a_turn_has_as_many_steps_as_its_launches_can_be_recorded(captured, most):
+    assert steps_of_turn(most, captured) == most
+    with pytest.raises(ot.InputError, match=rf"steps is {most + 1}; allowed: 1 to {most} a turn"):
+        steps_of_turn(most + 1, captured)
 
 
 @pytest.mark.parametrize("turns", [-3, 2.5, "2"])

@@ -26,6 +26,9 @@ class BlockStepper:
     """Launches `world_of_many`; on a CPU the worlds are shared out over threads.
 
     A world's result depends on its index, seed and step alone, so any split gives the same bits.
+
+    Attributes:
+        captured_steps: Steps that one launch in a captured graph takes, which steps all worlds.
     """
 
     def __init__(self, parts: StepperParts):
@@ -40,6 +43,7 @@ class BlockStepper:
         self.block = 1 if cpu else WORLD_BLOCK
         self.chunks = min(parts.threads or usable_cores(), model.worlds) if cpu else 1
         self.pool = ThreadPoolExecutor(self.chunks) if self.chunks > 1 else None
+        self.captured_steps = self._at_once(model.worlds)
         blocks = model.features.lanes or model.features.blocks
         load_kernels([self.kernel, *([fill_slots] if blocks else []), *parts.beside], model.device)
         if blocks:
@@ -63,6 +67,11 @@ class BlockStepper:
             ]
             self.layout = control.layout
 
+    def _at_once(self, worlds: int) -> int:
+        """Steps of one launch over so many worlds; on a GPU as many as for one."""
+        most = (worlds if self.model.device.is_cpu else 1) * self.model.features.bodies
+        return max(1, BODY_STEPS_PER_LAUNCH // most)
+
     def _launch(self, chunk: int, span: tuple[int, int], first_step: int, steps: int, last_step: int) -> None:
         """Steps of the worlds in a span of places, by one thread of a CPU or all of a GPU."""
         this = (span[0], wp.int64(first_step), steps, wp.int64(last_step), TURNS)
@@ -77,8 +86,7 @@ class BlockStepper:
         edges = np.linspace(0, worlds, (min(self.chunks, worlds) if pool else 1) + 1).astype(int).tolist()
         spans = list(itertools.pairwise(edges))
         last = first_step + steps
-        most = (edges[1] if self.model.device.is_cpu else 1) * self.model.features.bodies
-        at_once = max(1, BODY_STEPS_PER_LAUNCH // most)
+        at_once = self._at_once(edges[1])
         for start in range(first_step, last, at_once):
             count = min(at_once, last - start)
             if pool is None:

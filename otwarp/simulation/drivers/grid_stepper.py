@@ -29,6 +29,9 @@ class GridStepper:
     """Launches the grid driver: one captured graph, on CPU and CUDA alike.
 
     On the CPU the loop over the steps of a call is part of the graph.
+
+    Attributes:
+        captured_steps: Steps that one launch of that graph takes.
     """
 
     def __init__(self, parts: StepperParts):
@@ -40,6 +43,8 @@ class GridStepper:
         self.scratch = allocate_grid(model, parts.state)
         self.push = (allocate_push(model), allocate_push(model))
         self.elements = model.worlds * self.scratch.near.elements
+        body_steps = BODY_STEPS_PER_LAUNCH if model.device.is_cpu else 1
+        self.captured_steps = max(1, body_steps // (model.worlds * self.features.bodies))
         # the conditional parts of a graph need CUDA 12.4; without them they are taken in every step
         self.branches = model.device.is_cpu or wp.is_conditional_graph_supported()
         load_kernels((*step.grid.all, *SHARED, *parts.beside), model.device)
@@ -173,9 +178,7 @@ class GridStepper:
             self._share(load_slots, self.features.bodies, data, state, grid)
         if self.features.contacts:
             self._share(self.kernels.check, grid.near.elements, data, state, grid)
-        at_once = steps
-        if self.model.device.is_cpu:
-            at_once = max(1, BODY_STEPS_PER_LAUNCH // (self.model.worlds * self.features.bodies))
+        at_once = self.captured_steps if self.model.device.is_cpu else steps
         last = first_step + steps
         for start in range(first_step, last, at_once):
             count = min(at_once, last - start)

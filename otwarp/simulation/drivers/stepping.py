@@ -50,7 +50,12 @@ class FusedStepper:
     """Launches the `solo` or `world` kernel; on the CPU the worlds are shared out over threads.
 
     A world's result depends on its index, seed and step alone, so any split gives the same bits.
+
+    Attributes:
+        captured_steps: Steps that one launch in a captured graph takes.
     """
+
+    captured_steps = STEPS_PER_LAUNCH
 
     def __init__(self, parts: StepperParts):
         step, model = parts.step, parts.model
@@ -130,7 +135,10 @@ class PhaseGraphs(ABC):
 
     Attributes:
         places: Worlds over which the next steps are launched, or places in the list of those in motion.
+        captured_steps: Steps that one launch of each phase in a captured graph takes.
     """
+
+    captured_steps = 1
 
     def __init__(self, parts: StepperParts, *beside: Any):
         step = parts.step
