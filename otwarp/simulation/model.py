@@ -149,7 +149,7 @@ class Model:
         rows = _rows(part, worlds)
         place = pick_device(device)
         check_worlds(asked, rows.stop - rows.start, place, options.precision)
-        shared = parameters if isinstance(parameters, SharedRows) else SharedRows(parameters or {}, worlds, None)
+        shared = parameters if isinstance(parameters, SharedRows) else SharedRows.own(parameters, worlds)
         shared.check(worlds)
         size = {"worlds": worlds, "rows": shared.rows}
         known = ResolvedScene.of(asked, shared.values, place, options, **size, part=part is not None)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any, TypeVar
 
 import numpy as np
@@ -46,6 +46,17 @@ def several(name: str, values: Any, kind: type[T], what: str) -> tuple[T, ...]:
         if not isinstance(item, kind):
             raise InputError(f"{name} has {_shown(item)}; allowed: {what}")
     return given
+
+
+def by_name(name: str, values: Any) -> Mapping[str, Any]:
+    """Values by their names.
+
+    Raises:
+        InputError: No mapping.
+    """
+    if not isinstance(values, Mapping):
+        raise InputError(f"{name} is {_shown(values)}; allowed: a dict of values by their names")
+    return values
 
 
 def numbers(name: str, values: ArrayLike) -> np.ndarray:
@@ -101,5 +112,5 @@ def known_names(what: str, given: Iterable[str], known: Collection[str]) -> None
 
 def _shown(value: Any) -> str:
     """A value as messages show it: its start, if it is long."""
-    text = repr(value)
+    text = " ".join(repr(value).split())  # an array is shown in several lines
     return text if len(text) < 60 else f"{text[:57]}…"

@@ -14,7 +14,7 @@ from otwarp.scene import Scene, vocabulary
 from otwarp.scene.check.numbers import FARTHEST
 from otwarp.scene.vocabulary import Attribute, Schema
 from otwarp.scene.vocabulary.values import internal, to_field
-from otwarp.simulation.packing.arguments import numbers
+from otwarp.simulation.packing.arguments import by_name, numbers
 from otwarp.units import INTERNAL_SYMBOL
 
 Of = Literal["", "traps", "bodies"]
@@ -103,6 +103,15 @@ class SharedRows:
     values: Mapping[str, ArrayLike]
     rows: int
     which: np.ndarray | None
+
+    @classmethod
+    def own(cls, parameters: Mapping[str, ArrayLike] | None, worlds: int) -> SharedRows:
+        """Of parameters that have a row for each world, or one for all; None: no parameters.
+
+        Raises:
+            InputError: They are no mapping.
+        """
+        return cls({} if parameters is None else by_name("parameters", parameters), worlds, None)
 
     def check(self, worlds: int) -> None:
         """Refuse worlds without a row.

@@ -182,6 +182,12 @@ def test_rows_that_worlds_share(tmp_path, device):
         shared.save(tmp_path / "sim.npz")
 
 
+@pytest.mark.parametrize("given", [3, 0, "", [("trap_power", 1.0)], np.ones((3, 3))])
+def test_parameters_without_names_are_refused_in_a_line(given):
+    with pytest.raises(InputError, match=r"^parameters is [^\n]+; allowed: a dict of values by their names$"):
+        Simulation(bead_scene(), device="cpu", parameters=given)
+
+
 def test_worlds_without_a_row_are_refused():
     for which in (np.array([0, 1]), np.array([0, 1, 3]), np.array([0, -1, 2]), np.array([0.0, 1.0, 2.0])):
         with pytest.raises(InputError, match=r"allowed: \(3,\) whole numbers, 0 to 2"):
