@@ -43,3 +43,9 @@ def test_a_name_is_enough_to_load_and_a_wrong_one_is_refused(tmp_path: Path, mon
     assert len(Scene.load("single_bead").traps) == 1
     with pytest.raises(InputError, match=r"^nix: is none of the shipped scenes; allowed: cell_delivery, "):
         shipped("scenes", "nix")
+
+
+@pytest.mark.parametrize("said", [3, None, b"single_bead"])
+def test_what_is_no_path_is_refused_in_a_line(said: object) -> None:
+    with pytest.raises(InputError, match=r"^file of scenes is \S+; allowed: a path, or the name of a shipped one$"):
+        Scene.load(said)  # type: ignore[arg-type]

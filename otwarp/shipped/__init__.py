@@ -6,6 +6,7 @@ beside this file. A name comes in, `cell_delivery` or `scenes/cell_delivery.usda
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from otwarp.errors import InputError, nearest
@@ -83,7 +84,12 @@ def find(kind: str, said: str | Path, *, beside: Path | None = None) -> Path:
 
     Returns:
         The path where there is a file, else that of the shipped file which is called so, else the path.
+
+    Raises:
+        InputError: Neither a text nor a path.
     """
+    if not isinstance(said, str | os.PathLike):
+        raise InputError(f"file of {kind} is {said!r}; allowed: a path, or the name of a shipped one")
     path = Path(said) if beside is None else beside / said
     return path if path.is_file() else named(kind, said) or path
 
