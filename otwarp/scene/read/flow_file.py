@@ -72,7 +72,18 @@ def _from_names(found: dict[str, np.ndarray]) -> FlowGrid:
 
 def _npz(path: Path) -> FlowGrid:
     with np.load(path, allow_pickle=False) as table:
-        return _from_names({name: 1e6 * np.asarray(table[name], dtype=float) for name in table.files})
+        return _from_names({name: 1e6 * _real(name, table[name]) for name in table.files})
+
+
+def _real(name: str, values: np.ndarray) -> np.ndarray:
+    """In float64, which would drop imaginary parts without a word.
+
+    Raises:
+        InputError: Complex numbers.
+    """
+    if values.dtype.kind == "c":
+        raise InputError(f"{name} is of type {values.dtype}: must be real numbers")
+    return np.asarray(values, dtype=float)
 
 
 LENGTHS = {"m": 1e6, "cm": 1e4, "mm": 1e3, "um": 1.0, "nm": 1e-3}

@@ -168,6 +168,8 @@ BAD = {
     "uneven": ({"x": np.array([0.0, 1.0, 2.0, 3.0, 5.0])}, "x = 5 places: must be 2 or more, rising by equal steps"),
     "shape": ({"velocity": SI[1:]}, r"velocity has shape \(4, 3, 4, 3\): must be \(5, 3, 4, 3\)"),
     "nan": ({"velocity": np.full_like(SI, np.nan)}, r"velocity\[0\]\[0\]\[0\]\[0\] = nan: must be finite"),
+    "complex": ({"velocity": SI * (1 + 1j)}, "field.npz: velocity is of type complex128: must be real numbers"),
+    "complex places": ({"x": AXES[0] + 0j}, "field.npz: x is of type complex128: must be real numbers"),
     "objects": ({"velocity": np.array([{}])}, "not a readable velocity field"),
 }  # fmt: skip
 
