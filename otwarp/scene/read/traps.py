@@ -65,7 +65,7 @@ def _check_cover(source: Source, prim: Usd.Prim, name: str, samples: Track, dura
         late = last < duration - TIME_SLACK
         at = f"{source.start + (source.rate * duration if late else 0.0):g}"
         remedy = f"the {'last' if late else 'first'} value again at time code {at} holds it"
-        raise source.bad(prim, name, span, f"covering the run, [0, {duration:g}] s; {remedy}")
+        raise source.bad(prim, name, span, f"samples that cover the run, [0, {duration:g}] s; {remedy}")
 
 
 def _laws(source: Source, prim: Usd.Prim, model: str) -> tuple[TrapLaw | None, TrapLaw | None]:

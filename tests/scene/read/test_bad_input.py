@@ -120,17 +120,17 @@ CASES: dict[str, tuple[list[tuple[str, str]], str]] = {
     ),
     "samples end early": (
         [(SAMPLES, "{ 0: (0, 0, 5), 59: (6, 0, 5) }")],
-        r"/World/Trap: xformOp:translate = time samples from 0 s to 0.98\d* s: must be covering the run, \[0, 1\] s; "
-        "the last value again at time code 60 holds it",
+        r"/World/Trap: xformOp:translate = time samples from 0 s to 0.98\d* s: must be samples that cover the run, "
+        r"\[0, 1\] s; the last value again at time code 60 holds it",
     ),
     "samples start late": (
         [(SAMPLES, "{ 1: (0, 0, 5), 60: (6, 0, 5) }")],
-        r"/World/Trap: xformOp:translate = time samples from 0.01\d* s to 1 s: must be covering .*; "
+        r"/World/Trap: xformOp:translate = time samples from 0.01\d* s to 1 s: must be samples that cover .*; "
         "the first value again at time code 0 holds it",
     ),
     "power samples end early": (
         [("power = 0.03", "power.timeSamples = { 0: 0.03, 30: 0.01 }")],
-        r"/World/Trap: ot:trap:power = time samples from 0 s to 0.5 s: must be covering",
+        r"/World/Trap: ot:trap:power = time samples from 0 s to 0.5 s: must be samples that cover",
     ),
     "trap turns": (
         [
@@ -296,7 +296,7 @@ def test_bad_duration(duration: float, stage_file: StageFile, capfd: pytest.Capt
 def test_longer_run_than_samples(stage_file: StageFile, capfd: pytest.CaptureFixture[str]) -> None:
     path = stage_file.write()
     assert Scene.load(path, duration=1.0 + 5e-10).settings.duration == 1.0 + 5e-10  # within the slack of 1e-9 s
-    assert "covering the run, [0, 1.1] s" in refused(path, capfd, duration=1.1)
+    assert "must be samples that cover the run, [0, 1.1] s" in refused(path, capfd, duration=1.1)
 
 
 def test_bad_instancers(stage_file: StageFile, capfd: pytest.CaptureFixture[str]) -> None:
