@@ -12,11 +12,9 @@ from otwarp.scene.drawing.draw_list import MESH
 from otwarp.scene.drawing.shapes import ShapeReader
 from otwarp.scene.export.meshes import joined, surface
 from otwarp.scene.read.diagnostics import reading
-from otwarp.scene.read.source import Source, open_stage
+from otwarp.scene.read.source import METRES, Source, open_stage
 from otwarp.scene.read.typed import Values
 from otwarp.scene.write.export import export_layer
-
-_SUFFIX = "metres"
 
 
 def export_flattened(path: str | Path, out: str | Path) -> Path:
@@ -133,7 +131,7 @@ def _scale(prim: Usd.Prim, factor: float) -> None:
 
 def _add_scale(xformable: UsdGeom.Xformable, factor: float, *, outermost: bool) -> None:
     ops, reset = xformable.GetOrderedXformOps(), xformable.GetResetXformStack()
-    scale = xformable.AddScaleOp(UsdGeom.XformOp.PrecisionDouble, _SUFFIX + ("" if outermost else "Inverse"))
+    scale = xformable.AddScaleOp(UsdGeom.XformOp.PrecisionDouble, METRES + ("" if outermost else "Inverse"))
     scale.Set(Gf.Vec3d(factor))
     xformable.SetXformOpOrder([scale, *ops] if outermost else [*ops, scale], reset)
 

@@ -16,8 +16,11 @@ from otwarp.scene.description import Camera, Flow, Goal, Medium, Settings
 from otwarp.scene.read.attributes import part, read_values
 from otwarp.scene.read.flow_file import read_flow_grid
 from otwarp.scene.read.lenses import check_lens
-from otwarp.scene.read.source import Source, quat, vec3
+from otwarp.scene.read.source import METRES, Source, quat, vec3
 from otwarp.scene.transforms import conjugate, rotate
+
+_UNSCALED = 1e-3
+"""Relative difference of a scale from 1 that nobody means: single precision leaves 1e-6 of a rotation."""
 
 
 def read_medium(source: Source, root: Usd.Prim) -> Medium:
@@ -50,7 +53,7 @@ def read_flow(source: Source, prims: Sequence[Usd.Prim]) -> Flow | None:
     """The background flow, if any.
 
     Raises:
-        InputError: More than one, a mirrored one, or a velocity field that cannot be read.
+        InputError: More than one, a mirrored one, or a velocity field that cannot be read or is scaled.
     """
     prim = _at_most_one(source, prims, "OtFlowAPI")
     if prim is None:
@@ -64,6 +67,7 @@ def read_flow(source: Source, prims: Sequence[Usd.Prim]) -> Flow | None:
             field = read_flow_grid(Path(asset.resolvedPath or asset.path))
         except InputError as error:
             raise source.bad(prim, "ot:flow:file", asset.path, f"a velocity field; {error}") from None
+        _check_unscaled(source, prim)
     return Flow(prim=str(prim.GetPath()), origin=vec3(position), orientation=quat(rotation), field=field, **values)
 
 
@@ -120,6 +124,26 @@ def _placed(source: Source, prim: Usd.Prim) -> tuple[np.ndarray, np.ndarray]:
             prim, "xformOp:scale", f"({shown}), mirrored", "no reflection of the prim or above it; turn it"
         )
     return position, rotation
+
+
+def _check_unscaled(source: Source, prim: Usd.Prim) -> None:
+    """Refuse a scale of a velocity field, whose places are in metres; that of a file in another unit changes nothing.
+
+    Raises:
+        InputError: The prim, or one above it, is scaled.
+    """
+    above = prim
+    while above and not above.IsPseudoRoot():
+        if above.HasAttribute(f"xformOp:scale:{METRES}"):
+            return  # a copy in metres, flattened, which no longer says what else is a conversion
+        above = above.GetParent()
+    scale = source.pose(prim)[2] / source.unit
+    roots = [spec.layer.pseudoRoot for spec in prim.GetPrimStack()]
+    units = [1e6 * root.GetInfo("metersPerUnit") / source.unit for root in roots if root.HasInfo("metersPerUnit")]
+    if not any(np.allclose(scale, unit, rtol=_UNSCALED, atol=0.0) for unit in (1.0, *units)):
+        shown = ", ".join(f"{s:g}" for s in scale)
+        allowed = "(1, 1, 1) on a velocity field and above it, whose places in its file are in metres; change them"
+        raise source.bad(prim, "xformOp:scale", f"({shown})", allowed)
 
 
 def _at_most_one(source: Source, prims: Sequence[Usd.Prim], schema: str) -> Usd.Prim | None:

@@ -26,6 +26,9 @@ register()
 SCALE_TOLERANCE = 1e-6
 """Largest relative difference of the three scales of a sphere; single-precision scales reach 1e-7."""
 
+METRES = "metres"
+"""Suffix of the scale by which a copy of a stage in metres is what the stage was."""
+
 
 def open_stage(path: Path) -> Usd.Stage:
     """Open a stage; anything that is not a whole, fully composed USD file is refused.

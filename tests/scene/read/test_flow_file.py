@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 import zlib
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from otwarp.cli.main import main
 from otwarp.errors import InputError
 from otwarp.scene import Flow, Scene, SceneBuilder, Settings, Sphere
 from otwarp.scene.description import Body
+from otwarp.scene.export.stage import export_in_metres
 from otwarp.scene.flow_grid import FlowGrid
 from otwarp.scene.read.flow_file import read_flow_grid
 
@@ -218,6 +220,47 @@ def test_a_stage_names_the_file_and_info_tells_the_divergence(tmp_path, monkeypa
     assert about["divergence"] == pytest.approx(np.sqrt((div**2).mean() / (gradient**2).sum(axis=(-2, -1)).mean()))
     assert main(["info", str(tmp_path / "scene.usda")]) == 0
     assert "5 × 3 × 4 nodes" in capsys.readouterr().out
+
+
+SCALED = """#usda 1.0
+(
+    defaultPrim = "World"
+    metersPerUnit = {unit}
+    upAxis = "Z"
+)
+def Xform "World" (prepend references = @./scene.usda@)
+{{
+    double3 xformOp:scale = {scale}
+    uniform token[] xformOpOrder = ["xformOp:scale"]
+}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("unit", "scale", "shown"),
+    [
+        ("1e-6", "(2, 2, 2)", "(2, 2, 2)"),
+        ("1e-6", "(1, 1, 2)", "(1, 1, 2)"),
+        ("1e-3", "(1, 1, 1)", ""),
+        ("1e-3", "(1e-3, 1e-3, 1e-3)", ""),
+    ],
+)
+def test_a_scale_above_a_field_is_refused_unless_it_converts_a_unit(unit, scale, shown, tmp_path, monkeypatch):
+    """Places are in metres, so it was ignored. The bead is left out, whose sphere is in the unit of the stage."""
+    monkeypatch.chdir(tmp_path)
+    npz(tmp_path / "field.npz")
+    builder = SceneBuilder(settings=Settings(duration=0.01))
+    builder.add(Flow(prim="/World/Flow", kind="grid", file="./field.npz", field=FIELD))
+    builder.save(tmp_path / "scene.usda")
+    (tmp_path / "above.usda").write_text(SCALED.format(unit=unit, scale=scale))
+    if not shown:
+        np.testing.assert_allclose(Scene.load(tmp_path / "above.usda").flow.field.velocity, FIELD.velocity)
+        exported = export_in_metres(tmp_path / "above.usda", tmp_path / "metres.usda")
+        np.testing.assert_allclose(Scene.load(exported).flow.field.high, FIELD.high)
+        return
+    message = f"/World/Flow: xformOp:scale = {shown}: must be (1, 1, 1) on a velocity field and above it, "
+    with pytest.raises(InputError, match=re.escape(message)):
+        Scene.load(tmp_path / "above.usda")
 
 
 @pytest.mark.parametrize(
