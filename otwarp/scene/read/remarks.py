@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
-from pxr import Pcp, Usd, UsdGeom
+from pxr import Pcp, Sdf, Usd, UsdGeom
 
 from otwarp.scene.finding import Finding
 from otwarp.scene.read.source import Source
@@ -15,6 +15,9 @@ _INVERSE = "!invert!"
 _ARCS = (Pcp.ArcTypeReference, Pcp.ArcTypePayload)
 _UNITS_ALIKE = 0.01
 """Relative difference of a scale from the ratio of two units that still is a conversion."""
+
+_UPRIGHT = 0.7
+"""Least cosine of the tilt of a part that counts as turned upright: a part may lean."""
 
 _TURNS = ("quatd", "quatf", "quath")
 
@@ -29,6 +32,7 @@ def remarks(source: Source, placed: Iterable[Usd.Prim]) -> Iterator[Finding]:
     for prim in Usd.PrimRange(source.stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
         yield from _unlisted(source, prim)
         yield from _of_another_unit(source, prim)
+        yield from _of_another_up(source, prim)
     for prim in placed:
         yield from _played(prim)
 
@@ -50,15 +54,13 @@ def _unlisted(source: Source, prim: Usd.Prim) -> Iterator[Finding]:
 
 def _of_another_unit(source: Source, prim: Usd.Prim) -> Iterator[Finding]:
     """References and payloads to files of another length unit, which USD does not convert and no scale here does."""
-    if prim.IsInstanceProxy() or not (prim.HasAuthoredReferences() or prim.HasAuthoredPayloads()):
+    layers = _brought_in(prim, "metersPerUnit")
+    if not layers:
         return
     stage_unit = UsdGeom.GetStageMetersPerUnit(source.stage)
     around = np.linalg.norm(source.matrix(prim)[:3, :3], axis=1)
     above = np.linalg.norm(source.matrix(prim.GetParent())[:3, :3], axis=1)
-    for arc in Usd.PrimCompositionQuery(prim).GetCompositionArcs():
-        layer = arc.GetTargetLayer()
-        if arc.GetArcType() not in _ARCS or arc.IsAncestral() or not layer.pseudoRoot.HasInfo("metersPerUnit"):
-            continue
+    for layer in layers:
         unit = layer.pseudoRoot.GetInfo("metersPerUnit")
         wanted = unit / stage_unit
         scales = (np.ones(3), around, around / above)  # the same unit needs none
@@ -69,6 +71,34 @@ def _of_another_unit(source: Source, prim: Usd.Prim) -> Iterator[Finding]:
             f"convert: its numbers count in units of the stage; scale the prim by {wanted:g}"
         )
         yield Finding(prim=str(prim.GetPath()), message=message)
+
+
+def _of_another_up(source: Source, prim: Usd.Prim) -> Iterator[Finding]:
+    """References and payloads to files in which Y is up, which USD does not turn and no rotation here does."""
+    for layer in _brought_in(prim, "upAxis"):
+        if layer.pseudoRoot.GetInfo("upAxis") != UsdGeom.Tokens.y:
+            continue
+        own = UsdGeom.XformCache(source.start).GetLocalTransformation(prim)[0]
+        ups = (np.array(own)[1, :3], source.matrix(prim)[1, :3])  # where its Y points, beside the parent and here
+        if any(up[2] > _UPRIGHT * np.linalg.norm(up) for up in ups):
+            continue
+        message = (
+            f"{Path(layer.realPath).name} has upAxis = Y, this stage Z, and USD does not turn it: its Y is the "
+            "stage's Y; turn the prim by 90 degrees about X"
+        )
+        yield Finding(prim=str(prim.GetPath()), message=message)
+
+
+def _brought_in(prim: Usd.Prim, info: str) -> list[Sdf.Layer]:
+    """Layers that the prim itself references or has as payloads, of those that author a piece of metadata."""
+    if prim.IsInstanceProxy() or not (prim.HasAuthoredReferences() or prim.HasAuthoredPayloads()):
+        return []
+    arcs = [
+        a
+        for a in Usd.PrimCompositionQuery(prim).GetCompositionArcs()
+        if a.GetArcType() in _ARCS and not a.IsAncestral()
+    ]
+    return [layer for arc in arcs if (layer := arc.GetTargetLayer()).pseudoRoot.HasInfo(info)]
 
 
 def _turns_nothing(source: Source, prim: Usd.Prim, op: Usd.Attribute) -> bool:

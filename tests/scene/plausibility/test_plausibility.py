@@ -359,34 +359,3 @@ def test_a_simulation_says_it_once(stage_file: StageFile, device: str) -> None:
     assert only.startswith(
         f"{scene.file}: /World: ot:medium:temperature = 25 K; usual: 250 … 400 K; did you mean 25 °C"
     )
-
-
-PART = """#usda 1.0
-(
-    defaultPrim = "Part"
-    metersPerUnit = {unit}
-)
-
-def Cube "Part" (prepend apiSchemas = ["PhysicsCollisionAPI"])
-{{
-    double size = 2
-}}
-"""
-
-
-@pytest.mark.parametrize("arc", ["references", "payload"])
-@pytest.mark.parametrize(
-    ("unit", "scale", "told"),
-    [("1e-3", "(1, 1, 1)", True), ("1e-3", "(1000, 1000, 1000)", False), ("1e-6", "(3, 3, 3)", False)],
-)
-def test_a_part_in_another_unit_is_told_unless_it_is_scaled(arc, unit, scale, told, stage_file: StageFile) -> None:
-    part = stage_file.write(text=PART.format(unit=unit), name="part.usda")
-    prim = f'    def "Part" (prepend {arc} = @./{part.name}@)\n    {{\n        {scaled(scale)}'
-    prim += "        double3 xformOp:translate = (5e4, 0, 0)\n    }\n\n"
-    prim = prim.replace('["xformOp:scale"]', '["xformOp:translate", "xformOp:scale"]')
-    found = [text for text in said(stage_file.load((BLOCK, BLOCK + prim), text=GOOD)) if "metersPerUnit" in text]
-    wanted = (
-        "/World/Part: part.usda has metersPerUnit = 0.001, this stage 1e-06, and USD does not convert: "
-        "its numbers count in units of the stage; scale the prim by 1000"
-    )
-    assert found == ([wanted] if told else [])
