@@ -10,6 +10,7 @@ Frames of a simulation come in (`otwarp.simulation.frame`), the files of a run g
 | `run` | `record_run`, behind `otwarp run`: what a run is refused for, before anything is allocated |
 | `method` | `Method`: how the run was computed |
 | `recorder` | `Recorder`: hands frames on, and keeps the folder readable whatever happens to the program |
+| `interrupts` | Ctrl-C and SIGTERM wait until all files have a frame |
 | `netcdf`, `netcdf4_internals` | `run.nc`; what it needs of the library beyond its promises |
 | `monitor`, `statistics` | whether the task succeeded, and running means |
 | `summary` | `summary.json` |

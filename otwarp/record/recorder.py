@@ -15,6 +15,7 @@ import numpy as np
 from otwarp.errors import InputError
 from otwarp.files import check_place
 from otwarp.record.folder import earlier_run
+from otwarp.record.interrupts import interrupts_wait
 from otwarp.record.method import Method
 from otwarp.record.monitor import Monitor
 from otwarp.record.netcdf import LARGEST_RECORD, NetcdfRecording, check_size
@@ -36,7 +37,8 @@ class Recorder:
 
     Memory does not grow with the length of the run. A program that is killed leaves files that open: `run.nc` has
     every frame that was written, `run.usda` every one that was flushed (see `otwarp.scene.recording`), `summary.json`
-    says `running`. An earlier run in the folder is removed, all of it, when the first frame comes.
+    says `running`. Ctrl-C and SIGTERM wait until a frame is in all of them. An earlier run in the folder is removed,
+    all of it, when the first frame comes.
 
     Args:
         scene: What is being run.
@@ -154,11 +156,12 @@ class Recorder:
             frame.check(self.scene, self._worlds)
             if frame.time <= self._last.time:
                 raise ValueError(f"frame time is {frame.time:g} s; allowed: above {self._last.time:g} s")
-        try:
-            self._write(frame)
-        except OSError:
-            self._failed = True
-            raise
+        with interrupts_wait():
+            try:
+                self._write(frame)
+            except OSError:
+                self._failed = True
+                raise
 
     def _write(self, frame: Frame) -> None:
         if not self._begun:
@@ -184,6 +187,15 @@ class Recorder:
         if not self._frames:
             self._discard()
             return
+        with interrupts_wait():
+            self._finish()
+        if self.figure and not self._failed:
+            from otwarp.record.figure import draw
+
+            draw(self.folder, world=min(self._usd_world or 0, self._recorded - 1))
+
+    def _finish(self) -> None:
+        """Finish the files that end with the last frame."""
         assert self._netcdf is not None
         problems: list[OSError] = []
         for finish in (self._netcdf.close, self._usd.close if self._usd is not None else None):
@@ -201,10 +213,6 @@ class Recorder:
             problems.append(error)
         if problems:
             raise problems[0]
-        if self.figure and not self._failed:
-            from otwarp.record.figure import draw
-
-            draw(self.folder, world=min(self._usd_world or 0, self._recorded - 1))
 
     def _discard(self) -> None:
         """Remove what was begun for a first frame that never became whole."""

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import signal
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from pxr import Usd
 
 from otwarp.errors import InputError
+from otwarp.record.monitor import Monitor
 from otwarp.record.netcdf import NetcdfRecording
 from otwarp.record.read import read_run
 from otwarp.record.recorder import Recorder
@@ -46,6 +51,61 @@ def test_an_interrupt_within_the_first_frame_leaves_no_trace(
     with pytest.raises(KeyboardInterrupt), recorder(scene, kept) as out:
         out.write(frame(scene, 0))
     assert [p.name for p in kept.iterdir()] == ["notes.txt"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "where",
+    [
+        (NetcdfRecording, "write"),
+        (UsdRecording, "write"),
+        (Monitor, "update"),
+        (NetcdfRecording, "close"),
+        (UsdRecording, "close"),
+    ],
+)
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_files_of_a_run_that_is_stopped_end_with_the_same_frame(
+    where: tuple[type, str], number: signal.Signals, scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However the signal falls: behind one of the writers of a frame, or while the files are finished."""
+    function = getattr(*where)
+
+    def then_signal(self: object, *arguments: object) -> None:
+        function(self, *arguments)
+        if len(written) == 3:
+            os.kill(os.getpid(), number)
+
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(*where, then_signal)
+    before, written = signal.signal(number, stop), []
+    try:
+        with pytest.raises(KeyboardInterrupt), recorder(scene, tmp_path / "run", figure=False) as out:
+            for index in range(4):
+                written.append(index)
+                out.write(frame(scene, index))
+                if where[1] == "close" and index == 2:
+                    break
+        assert signal.getsignal(number) is stop
+    finally:
+        signal.signal(number, before)
+    assert json.loads((tmp_path / "run" / "summary.json").read_text())["frames"] == 3
+    assert len(read_run(tmp_path / "run" / "run.nc").time) == 3
+    assert Usd.Stage.Open(str(tmp_path / "run" / "run.usda")).GetEndTimeCode() == 2.0
+    assert sorted(p.name for p in (tmp_path / "run").iterdir()) == [
+        "run.nc",
+        "run.usda",
+        "summary.json",
+        "trajectory.usdc",
+    ]
+
+
+def test_other_threads_record_without_handlers(scene: Scene, tmp_path: Path) -> None:
+    """Only the main thread may set them."""
+    with ThreadPoolExecutor(1) as pool, recorder(scene, tmp_path / "run", figure=False) as out:
+        pool.submit(out.write, frame(scene, 0)).result()
 
 
 _FULL = """
