@@ -137,7 +137,7 @@ def keep_opening(listed: ContactList, i: int, normal: wp.vec3, opening: float):
 
 @wp.func
 def wander_at(listed: ContactList, i: int) -> float:
-    """Wander [µm²] of entry i."""
+    """Wander [µm²] of entry i, which is 0 where no path may touch."""
     return vec2_at(listed.path, i * pitch_of(listed.face))[0]
 
 

@@ -232,28 +232,19 @@ def balanced_next(before: float, error: float) -> bool:
     return before > 0.0 and DOUBT * error * error * error <= FIRST_SLACK * BALANCED * before * before
 
 
-def solve_points_term(f: Features) -> wp.Function:
-    """`(model, world, listed, count, partners, position, rotation, again, linear, angular, kept, rough) -> float`."""
+def start_points_term(f: Features) -> wp.Function:
+    """`(model, scale, partners, position, rotation, again, kept) -> (drags, gives, moved)` before the first round."""
     point_arm, point_drag = point_arm_term(f), point_drag_term(f)
-    gather, solve_system = gather_term(f), solve_system_term(3 * f.bodies)
-    take_points = take_points_term(f)
     bodies, team = f.bodies, settling_team(f)
     size_of, lane_of, value_of = team.size, team.lane, team.value
     blocks, long, short = table(3 * bodies, 3), column(3 * bodies), column(bodies)
 
     @wp.func
-    def solve_points(
-        model: ModelData, world: int, listed: ContactList, count: int, partners: int,
-        position: wp.array(dtype=wp.vec3), rotation: wp.array(dtype=wp.quat), again: bool,
-        linear: wp.array(dtype=wp.vec3), angular: wp.array(dtype=wp.vec3), kept: wp.array(dtype=wp.vec3), rough: bool,
-    ) -> float:  # fmt: skip
-        """Find the depths of all contacts, and add what they move to the free moves of the bodies [µm, rad].
-
-        `kept`: the moves of the points [µm], from which it starts if `again`. A `rough` solution ends with a step after
-        which forces should balance, and is not looked at again. Returns how far forces out of balance would move a body
-        [µm]: 0 unless the rounds ran out.
-        """
-        scale = step_over_viscosity(model, world)
+    def start_points(
+        model: ModelData, scale: float, partners: int, position: wp.array(dtype=wp.vec3),
+        rotation: wp.array(dtype=wp.quat), again: bool, kept: wp.array(dtype=wp.vec3),
+    ):  # fmt: skip
+        """Drags [pN/µm], gives [µm/pN] and moves [µm] of the points of all bodies; the moves as `kept` if `again`."""
         drags = blocks()
         gives = short()
         moved = long()
@@ -274,6 +265,31 @@ def solve_points_term(f: Features) -> wp.Function:
                     drags[3 * k + r, c] = value_of(drag[r, c], lane)
                 if again:
                     moved[3 * k + r] = kept[k][r]
+        return drags, gives, moved
+
+    return start_points
+
+
+def solve_points_term(f: Features) -> wp.Function:
+    """`(model, world, listed, count, partners, position, rotation, again, linear, angular, kept, rough) -> float`."""
+    gather, solve_system = gather_term(f), solve_system_term(3 * f.bodies)
+    start_points, take_points = start_points_term(f), take_points_term(f)
+    bodies = f.bodies
+
+    @wp.func
+    def solve_points(
+        model: ModelData, world: int, listed: ContactList, count: int, partners: int,
+        position: wp.array(dtype=wp.vec3), rotation: wp.array(dtype=wp.quat), again: bool,
+        linear: wp.array(dtype=wp.vec3), angular: wp.array(dtype=wp.vec3), kept: wp.array(dtype=wp.vec3), rough: bool,
+    ) -> float:  # fmt: skip
+        """Find the depths of all contacts, and add what they move to the free moves of the bodies [µm, rad].
+
+        `kept`: the moves of the points [µm], from which it starts if `again`. A `rough` solution ends with a step after
+        which forces should balance, and is not looked at again. Returns how far forces out of balance would move a body
+        [µm]: 0 unless the rounds ran out.
+        """
+        scale = step_over_viscosity(model, world)
+        drags, gives, moved = start_points(model, scale, partners, position, rotation, again, kept)
         error = float(0.0)
         last = bool(False)
         for round in range(ROUNDS):

@@ -74,6 +74,16 @@ def key_weight(times: wp.array(dtype=wp.float64), key: int, time: wp.float64) ->
 
 
 @wp.func
+def sampled_value(
+    times: wp.array(dtype=wp.float64), values: wp.array(dtype=wp.vec4), first: int, last: int, time: wp.float64
+) -> wp.vec4:
+    """Focus [µm] and power [mW] at `time` [s] by the samples `first` to `last`, at least two."""
+    key = find_key(times, first, last, time)
+    w = key_weight(times, key, time)
+    return (1.0 - w) * values[key] + w * values[key + 1]
+
+
+@wp.func
 def row_at(steps: StepTimes, time: wp.float64) -> int:
     """Row of what was looked up for the step at `time` [s]."""
     return int(wp.int64(wp.rint(time * steps.per_second)) - steps.first[0])

@@ -56,7 +56,7 @@ def vec2_at(values: wp.array(dtype=wp.vec2), n: int) -> wp.vec2:
     values.data[n] = value;
 """)
 def put_vec2(values: wp.array(dtype=wp.vec2), n: int, value: wp.vec2):
-    """Write entry n."""
+    """Write entry n, in the array's units."""
     ...
 
 
@@ -72,7 +72,7 @@ def pair_at(values: wp.array(dtype=wp.vec2i), n: int) -> wp.vec2i:
     values.data[n] = value;
 """)
 def put_pair(values: wp.array(dtype=wp.vec2i), n: int, value: wp.vec2i):
-    """Write entry n."""
+    """Write the two indices [1] of entry n."""
     ...
 
 
@@ -88,7 +88,7 @@ def real_at(values: wp.array(dtype=wp.float32), n: int) -> float:
     values.data[n] = value;
 """)
 def put_real(values: wp.array(dtype=wp.float32), n: int, value: float):
-    """Write entry n."""
+    """Write entry n, in the array's units."""
     ...
 
 

@@ -15,6 +15,7 @@ import warp as wp
 from otwarp.kernels.contact.body_solve import settling_team
 from otwarp.kernels.contact.obstacles import moving_pose
 from otwarp.kernels.core.features import Features
+from otwarp.kernels.core.keyframes import sampled_value
 from otwarp.kernels.core.team import ALONE, team_of
 from otwarp.kernels.core.types import ControlData, ModelData, ReadoutData, StateData
 from otwarp.kernels.core.worlds import start_term, world_term
@@ -30,7 +31,6 @@ from otwarp.kernels.drivers.world_room import (
     list_in_term,
     solve_room_in,
 )
-from otwarp.kernels.optics.traps import sampled_value
 
 BLOCK = 64
 """Threads of a block: few, so that few worlds are spread over more multiprocessors."""

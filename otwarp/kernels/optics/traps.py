@@ -13,7 +13,7 @@ from typing import NamedTuple
 import warp as wp
 
 from otwarp.kernels.core.features import Features
-from otwarp.kernels.core.keyframes import Piece, find_key, find_key_from, key_weight, row_at
+from otwarp.kernels.core.keyframes import Piece, find_key_from, row_at, sampled_value
 from otwarp.kernels.core.packed import beside, point_of, power_of
 from otwarp.kernels.core.reads import vec4_of, vec4i_of
 from otwarp.kernels.core.step_constants import Glide, TrapConstants
@@ -267,16 +267,6 @@ def anchored(law: TrapConstants, command: wp.vec4) -> wp.vec4:
 
 
 @wp.func
-def sampled_value(
-    times: wp.array(dtype=wp.float64), values: wp.array(dtype=wp.vec4), first: int, last: int, time: wp.float64
-) -> wp.vec4:
-    """Focus [µm] and power [mW] at `time` [s] by the samples `first` to `last`, at least two."""
-    key = find_key(times, first, last, time)
-    w = key_weight(times, key, time)
-    return (1.0 - w) * values[key] + w * values[key + 1]
-
-
-@wp.func
 def with_value(command: wp.vec4, follow: int, value: wp.vec4) -> wp.vec4:
     """A command with the focus [µm] (`follow` bit 0) and power [mW] (bit 1) of a sampled value."""
     result = command
@@ -293,10 +283,9 @@ def followed(
     last: int, time: wp.float64,
 ) -> wp.vec4:  # fmt: skip
     """A command with focus [µm] (`follow` bit 0) and power [mW] (bit 1) from the samples `first` to `last`."""
-    result = command
     if follow != 0 and last > first:
-        result = with_value(command, follow, sampled_value(times, values, first, last, time))
-    return result
+        command = with_value(command, follow, sampled_value(times, values, first, last, time))
+    return command
 
 
 @wp.func
