@@ -106,6 +106,7 @@ def test_other_threads_record_without_handlers(scene: Scene, tmp_path: Path) -> 
     """Only the main thread may set them."""
     with ThreadPoolExecutor(1) as pool, recorder(scene, tmp_path / "run", figure=False) as out:
         pool.submit(out.write, frame(scene, 0)).result()
+    assert len(read_run(tmp_path / "run" / "run.nc").time) == 1
 
 
 _FULL = """
